@@ -1,0 +1,148 @@
+"""Rigid poses as plain arrays.
+
+A pose is a float64 array `(7,)`: position xyz in metres, then a unit quaternion wxyz. `a * b` in the usual notation is
+`compose(a, b)`: first b, then a. Functions broadcast over leading dimensions where their docstring says `(..., 7)`.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Pose = NDArray[np.float64]
+
+IDENTITY: Pose = np.array([0.0, 0, 0, 1, 0, 0, 0])
+IDENTITY.setflags(write=False)
+
+
+def pose(position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Pose:
+    """Pose `(7,)` from a position (m) and a quaternion wxyz, which is normalised."""
+    q = np.asarray(quaternion, float)
+    return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
+
+
+def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+    """Hamilton product of quaternions wxyz, `(..., 4)` x `(..., 4)` -> `(..., 4)`."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a, float), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b, float), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def quat_conjugate(q: ArrayLike) -> NDArray[np.float64]:
+    """Inverse of unit quaternions wxyz, `(..., 4)`."""
+    return np.asarray(q, float) * np.array([1.0, -1, -1, -1])
+
+
+def quat_rotate(q: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
+    """Rotate vectors `(..., 3)` by unit quaternions wxyz `(..., 4)`."""
+    q, v = np.asarray(q, float), np.asarray(v, float)
+    u, w = q[..., 1:], q[..., :1]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def quat_about(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+    """Quaternion wxyz of a rotation by `angle` rad about `axis` (any length)."""
+    n = np.asarray(axis, float)
+    n = n / np.linalg.norm(n)
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * n])
+
+
+def quat_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """URDF fixed-axis roll, pitch, yaw (rad) -> quaternion wxyz: Rz(yaw) Ry(pitch) Rx(roll)."""
+    return quat_multiply(quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), pitch)), quat_about((1, 0, 0), roll))
+
+
+def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
+    """Rotation matrix `(3, 3)` -> quaternion wxyz with w >= 0 (Shepperd's method)."""
+    m = np.asarray(m, float)
+    t = np.array([np.trace(m), m[0, 0], m[1, 1], m[2, 2]])
+    i = int(np.argmax(t))
+    if i == 0:
+        q = np.array([1 + t[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+    else:
+        a, b, c = [(1, 2, 3), (2, 3, 1), (3, 1, 2)][i - 1]
+        a0, b0, c0 = a - 1, b - 1, c - 1
+        q = np.empty(4)
+        q[0] = m[c0, b0] - m[b0, c0]
+        q[a] = 1 + m[a0, a0] - m[b0, b0] - m[c0, c0]
+        q[b] = m[b0, a0] + m[a0, b0]
+        q[c] = m[c0, a0] + m[a0, c0]
+    q /= np.linalg.norm(q)
+    return -q if q[0] < 0 else q
+
+
+def quat_to_matrix(q: ArrayLike) -> NDArray[np.float64]:
+    """Unit quaternions wxyz `(..., 4)` -> rotation matrices `(..., 3, 3)`."""
+    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def frame(position: ArrayLike, x_axis: ArrayLike, y_axis: ArrayLike) -> Pose:
+    """Pose whose x axis is `x_axis` and whose y axis lies in the plane of `x_axis` and `y_axis` (Gram-Schmidt)."""
+    x = np.asarray(x_axis, float)
+    x = x / np.linalg.norm(x)
+    y = np.asarray(y_axis, float)
+    y = y - x * (x @ y)
+    y = y / np.linalg.norm(y)
+    return pose(position, quat_from_matrix(np.stack([x, y, np.cross(x, y)], axis=1)))
+
+
+def compose(a: ArrayLike, b: ArrayLike) -> Pose:
+    """Pose product a * b, `(..., 7)` x `(..., 7)` -> `(..., 7)`."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    p = a[..., :3] + quat_rotate(a[..., 3:], b[..., :3])
+    return np.concatenate([p, quat_multiply(a[..., 3:], b[..., 3:])], axis=-1)
+
+
+def inverse(a: ArrayLike) -> Pose:
+    """Inverse pose, `(..., 7)`."""
+    a = np.asarray(a, float)
+    q = quat_conjugate(a[..., 3:])
+    return np.concatenate([-quat_rotate(q, a[..., :3]), q], axis=-1)
+
+
+def transform(a: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
+    """Points `(..., 3)` of the local frame of pose `a` `(..., 7)`, expressed in its parent frame."""
+    a = np.asarray(a, float)
+    return a[..., :3] + quat_rotate(a[..., 3:], points)
+
+
+def matrix(a: ArrayLike) -> NDArray[np.float64]:
+    """Homogeneous matrix `(..., 4, 4)` of poses `(..., 7)`."""
+    a = np.asarray(a, float)
+    m = np.zeros((*a.shape[:-1], 4, 4))
+    m[..., :3, :3] = quat_to_matrix(a[..., 3:])
+    m[..., :3, 3] = a[..., :3]
+    m[..., 3, 3] = 1.0
+    return m
+
+
+def from_matrix(m: ArrayLike) -> Pose:
+    """Pose `(7,)` of a homogeneous matrix `(4, 4)`."""
+    m = np.asarray(m, float)
+    return pose(m[:3, 3], quat_from_matrix(m[:3, :3]))
+
+
+def angle_between(a: ArrayLike, b: ArrayLike) -> float:
+    """Rotation angle in rad between two quaternions wxyz."""
+    d = abs(float(np.dot(np.asarray(a, float), np.asarray(b, float))))
+    return 2.0 * float(np.arccos(min(1.0, d)))
+
+
+def yawed(position: ArrayLike, yaw: float) -> Pose:
+    """Upright pose turned by `yaw` rad about world z."""
+    return pose(position, quat_about((0, 0, 1), yaw))

@@ -1,0 +1,67 @@
+"""What one attempt at an episode is: the few values that, with the code version, decide every byte of its physics."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+LEVELS = (0, 1, 2, 3)
+DOMAINS = ("clean", "randomized")
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """One attempt at one slot.
+
+    `alpha` is the speed coefficient in m/s (DOMINO@alpha), `slot` the index of the wanted episode inside its cell, `seed` the
+    attempt's own seed. Raises ValueError, naming the field, for a level outside 0-3, a negative or non-finite alpha, an unknown
+    domain, or a negative slot or seed.
+    """
+
+    task: str
+    embodiment: str
+    level: int
+    alpha: float
+    domain: str
+    slot: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"level {self.level!r} is unknown: levels are 0, 1, 2 and 3")
+        if not (np.isfinite(self.alpha) and self.alpha >= 0):
+            raise ValueError(f"alpha {self.alpha!r} is not a speed: give a number >= 0 in m/s")
+        if self.domain not in DOMAINS:
+            raise ValueError(f"domain {self.domain!r} is unknown: domains are {', '.join(DOMAINS)}")
+        if self.slot < 0 or self.seed < 0:
+            raise ValueError("slot and seed must not be negative")
+
+    @property
+    def moving(self) -> bool:
+        """Whether the target moves at all: level 0 and alpha 0 are the same static case (design.md section 2)."""
+        return self.level > 0 and self.alpha > 0
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """The named random stream of this attempt; streams of different purposes are independent of each other.
+
+        Level, alpha and domain do not enter the key: paired cells (level 0 against level 3, clean against randomised) see the
+        same placement and the same objects for the same seed.
+        """
+        key = json.dumps([self.task, self.embodiment, self.slot, self.seed, purpose]).encode()
+        return np.random.Generator(np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little")))
+
+    def to_json(self) -> str:
+        """Canonical JSON of the spec (sorted keys, no spaces)."""
+        return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> "EpisodeSpec":
+        """Inverse of `to_json`."""
+        return cls(**json.loads(text))
+
+
+def attempt_seed(recipe_seed: int, cell: str, slot: int, attempt: int) -> int:
+    """Seed (63 bits) of attempt number `attempt` of a slot; no other slot or attempt shares it (up to a hash collision)."""
+    key = json.dumps([recipe_seed, cell, slot, attempt]).encode()
+    return int.from_bytes(hashlib.sha256(key).digest()[:8], "little") >> 1

@@ -1,0 +1,84 @@
+"""What an object family is: parameters drawn once; shape, frames and words follow from them.
+
+`pipeline.world.objects` lists the families; docs/add_a_task.md shows how to add one.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+
+from pipeline.poses import Pose
+from pipeline.world.shapes import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """A place where a two-finger gripper may hold the object.
+
+    `pose` is the tcp in the object frame: x = approach direction, y = opening direction of the fingers. `width` (m) is the
+    object's thickness between the fingers. `kind` lets a script choose ("side", "rim", "left_end", ...).
+    """
+
+    pose: Pose
+    width: float
+    kind: str = "side"
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Named functional frames (z = outward normal) in the object frame, and grasp candidates."""
+
+    points: Mapping[str, Pose]
+    grasps: tuple[Grasp, ...] = ()
+
+    def __getitem__(self, name: str) -> Pose:
+        if name not in self.points:
+            raise KeyError(f"no frame {name!r}; this object has {', '.join(sorted(self.points))}")
+        return self.points[name]
+
+
+@dataclass(frozen=True)
+class Words:
+    """How people name the object: `noun` for detectors, `seen` and `unseen` noun phrases without article for instructions."""
+
+    noun: str
+    seen: tuple[str, ...]
+    unseen: tuple[str, ...]
+
+
+class Family(Protocol):
+    """A parametric family. Implementations are frozen dataclasses of their parameters (all lengths in metres)."""
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        """Sample an instance; every draw comes from `rng`."""
+        ...
+
+    def shape(self) -> Shape:
+        """Visual and collision pieces; origin at the centre of the base, z up."""
+        ...
+
+    def frames(self) -> Frames:
+        """Functional frames and grasps; always contains "base" (origin) and "top"."""
+        ...
+
+    def words(self) -> Words:
+        """Noun and descriptions that are true of this instance."""
+        ...
+
+
+FAMILIES: dict[str, type[Family]] = {}
+
+
+def register[F: type](name: str) -> Callable[[F], F]:
+    """Class decorator: enter a family under `name` (snake case). Raises ValueError for a name that is taken."""
+
+    def enter(cls: F) -> F:
+        if name in FAMILIES:
+            raise ValueError(f"object family {name!r} is registered twice")
+        FAMILIES[name] = cls
+        return cls
+
+    return enter

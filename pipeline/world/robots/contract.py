@@ -1,0 +1,116 @@
+"""What an embodiment is: two arms, each one spec, plus fixed furniture. Plain data; urdf.py turns it into URDF.
+
+An arm's joint and link names are local to the arm; in the world every name carries its side: `left_joint1`, `right_link6`.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.poses import IDENTITY, Pose
+from pipeline.world.shapes import Collider, Material, Mesh
+
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A URDF joint: `origin` is the child frame in the parent link at zero, `axis` in the child frame; rad or m, N m or N."""
+
+    name: str
+    kind: str  # revolute | prismatic | fixed
+    parent: str
+    child: str
+    origin: Pose
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    lower: float = 0.0
+    upper: float = 0.0
+    velocity: float = 0.0
+    effort: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid link: mass kg, centre of mass m, inertia (ixx, iyy, izz) kg m2 about it, visuals and collision in the link frame."""
+
+    name: str
+    mass: float
+    com: tuple[float, float, float]
+    inertia: tuple[float, float, float]
+    visual: tuple[tuple[Mesh, Material], ...] = ()
+    collision: tuple[Collider, ...] = ()
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """Two coupled prismatic jaws. `closed`/`opened` are the joint positions (m) of each jaw joint; opening in m between the pads.
+
+    The normalised gripper value is 0 closed, 1 open, linear in the joint positions.
+    """
+
+    joints: tuple[str, str]
+    fingers: tuple[str, str]  # link names of the fingers
+    closed: tuple[float, float]
+    opened: tuple[float, float]
+    max_opening: float
+    force: float = 40.0  # N, limit per jaw
+    speed: float = 0.2  # m/s per jaw
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """A camera rigidly mounted on a link: pose in the link frame, x forward, y left, z up."""
+
+    link: str
+    pose: Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One arm. `base` places its root link in the world, `tcp` is the tool frame in `hand` (x approach, y opening)."""
+
+    model: str
+    base: Pose
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]  # in tree order, fixed joints and jaws included
+    arm_joints: tuple[str, ...]
+    hand: str
+    tcp: Pose
+    gripper: Gripper
+    home: tuple[float, ...]
+    camera: Mount
+    stiffness: float = 5000.0
+    damping: float = 500.0
+    acceleration: float = 10.0  # rad/s2, planning limit
+    allowed_overlap: tuple[tuple[str, str], ...] = ()  # reviewed link pairs whose collision pieces overlap at rest
+
+
+@dataclass(frozen=True, eq=False)
+class Embodiment:
+    """A two-arm robot: the arms, the fixed furniture in the world frame, and the head camera's world pose (x forward, z up)."""
+
+    name: str
+    arms: dict[str, Arm]
+    head_camera: Pose
+    furniture: tuple[tuple[Mesh, Material], ...] = ()
+    furniture_collision: tuple[Collider, ...] = ()
+    aliases: tuple[str, ...] = field(default=())
+
+    @property
+    def vector_names(self) -> tuple[str, ...]:
+        """Names of the state and action vector: left arm joints, left gripper, right arm joints, right gripper."""
+        return tuple(f"{side}_{n}" for side in SIDES for n in (*self.arms[side].arm_joints, "gripper"))
+
+
+def jaw_positions(gripper: Gripper, value: float) -> np.ndarray:
+    """Joint positions (2,) in m of the jaws for a normalised value 0 (closed) to 1 (open)."""
+    return np.array(gripper.closed) + value * (np.array(gripper.opened) - np.array(gripper.closed))
+
+
+def jaw_value(gripper: Gripper, positions: np.ndarray) -> float:
+    """Normalised value (0 closed, 1 open) of measured jaw positions (2,) in m; the mean of both jaws."""
+    closed, opened = np.array(gripper.closed), np.array(gripper.opened)
+    return float(np.mean((positions - closed) / (opened - closed)))
+
+
+__all__ = ["IDENTITY", "SIDES", "Arm", "Embodiment", "Gripper", "Joint", "Link", "Mount", "jaw_positions", "jaw_value"]

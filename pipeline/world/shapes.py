@@ -1,0 +1,103 @@
+"""What a rigid body looks like and how it collides: plain data, no simulator.
+
+Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1, as a person would pick them.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.poses import IDENTITY, Pose, quat_rotate, transform
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles with per-vertex normals: vertices (N,3) m, triangles (M,3) int, normals (N,3) unit, uvs (N,2) or None."""
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    normals: NDArray[np.float32]
+    uvs: NDArray[np.float32] | None = None
+
+    def moved(self, by: Pose) -> "Mesh":
+        """The same mesh carried by a pose."""
+        return Mesh(
+            transform(by, self.vertices).astype(np.float32),
+            self.triangles,
+            quat_rotate(by[3:], self.normals).astype(np.float32),
+            self.uvs,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Surface: sRGB colour 0-1, roughness and metallic 0-1, optional texture (H,W,4) uint8 sRGB which replaces the colour."""
+
+    color: tuple[float, float, float]
+    roughness: float = 0.6
+    metallic: float = 0.0
+    texture: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Collider:
+    """One convex collision piece.
+
+    kind and size: box (hx, hy, hz half extents), sphere (r,), cylinder and capsule (r, half length) along local z, convex ()
+    with `vertices` (N,3). `pose` places it in the body frame.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Pose = field(default_factory=lambda: IDENTITY)
+    vertices: NDArray[np.float64] | None = None
+
+    def volume(self) -> float:
+        """Volume in m^3 (convex: of the axis-aligned box, an upper bound)."""
+        if self.kind == "box":
+            return 8.0 * float(np.prod(self.size))
+        if self.kind == "sphere":
+            return 4.0 / 3.0 * np.pi * self.size[0] ** 3
+        if self.kind == "cylinder":
+            return 2.0 * np.pi * self.size[0] ** 2 * self.size[1]
+        if self.kind == "capsule":
+            return np.pi * self.size[0] ** 2 * (2.0 * self.size[1] + 4.0 / 3.0 * self.size[0])
+        assert self.vertices is not None
+        return float(np.prod(np.ptp(self.vertices, axis=0)))
+
+    def support_points(self) -> NDArray[np.float64]:
+        """Points (N,3) in the body frame whose hull contains the piece."""
+        if self.kind == "convex":
+            assert self.vertices is not None
+            local = self.vertices
+        else:
+            if self.kind == "box":
+                half = np.array(self.size)
+            elif self.kind == "sphere":
+                half = np.full(3, self.size[0])
+            else:
+                r, h = self.size
+                half = np.array([r, r, h + (r if self.kind == "capsule" else 0.0)])
+            local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+        return transform(self.pose, local)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A rigid body's visuals and collision, mass in kg, Coulomb friction coefficient."""
+
+    visual: tuple[tuple[Mesh, Material], ...]
+    collision: tuple[Collider, ...]
+    mass: float
+    friction: float = 0.6
+
+    def aabb(self) -> NDArray[np.float64]:
+        """Axis-aligned bounds of the collision pieces in the body frame, (2,3): lower, upper."""
+        points = np.concatenate([c.support_points() for c in self.collision])
+        return np.stack([points.min(0), points.max(0)])
+
+    def footprint_radius(self) -> float:
+        """Largest horizontal distance (m) of the collision bounds from the body origin."""
+        lower, upper = self.aabb()
+        return float(np.hypot(max(-lower[0], upper[0]), max(-lower[1], upper[1])))

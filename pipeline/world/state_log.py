@@ -1,0 +1,48 @@
+"""The state log: everything the physics produced, at the recording rate. Rendering, verification and success read only this."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+CONTACT_DTYPE = np.dtype([("frame", "<i4"), ("a", "<i2"), ("b", "<i2"), ("impulse", "<f4"), ("point", "<f4", (3,))])
+"""One row: bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at `frame`; the largest summed impulse
+(N s) of the sampled steps, and its mean contact point in the world frame (m)."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: a name such as meeting, release, success, and its time in s."""
+
+    name: str
+    time: float
+
+
+@dataclass(eq=False)
+class StateLog:
+    """T frames. Names index the second axis of the arrays beside them; poses are xyz + wxyz in the world frame, float64."""
+
+    times: NDArray[np.float64]  # (T,) s
+    bodies: tuple[str, ...]  # objects, then links of the left and of the right arm (side_link), then "table"
+    poses: NDArray[np.float64]  # (T, B, 7)
+    joints: tuple[str, ...]  # side_joint, jaws included
+    qpos: NDArray[np.float64]  # (T, J) measured, rad or m
+    qvel: NDArray[np.float64]  # (T, J) measured
+    vector_names: tuple[str, ...]
+    state: NDArray[np.float64]  # (T, A) measured vector: arm joints (rad), grippers normalised 0-1
+    action: NDArray[np.float64]  # (T, A) commanded for the interval after the frame
+    tcp: NDArray[np.float64]  # (T, 2, 7) measured tcp poses, left and right
+    target_velocity: NDArray[np.float64]  # (T, 3) m/s of the target's origin
+    contacts: NDArray[np.void]  # CONTACT_DTYPE
+    events: list[Event] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def pose(self, body: str) -> NDArray[np.float64]:
+        """Poses (T, 7) of one body."""
+        return self.poses[:, self.bodies.index(body)]
+
+    def time_of(self, event: str) -> float | None:
+        """Time (s) of the first event of that name, or None."""
+        return next((e.time for e in self.events if e.name == event), None)
