@@ -1,0 +1,237 @@
+"""Materials that objects and robots use, by everyday name: `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`.
+
+A colour is a name of `PALETTE` or an sRGB triple in 0-1. Textured materials need a mesh with uvs; one texture tile covers the unit
+square of uv. Without a seed a material is plain. Texture arrays are shared between equal calls and read-only.
+"""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from pipeline.world.shapes import Material
+from pipeline.world.textures import Rgba, mix, rgba, texture, value_noise
+
+Color = str | tuple[float, float, float]
+
+PALETTE: dict[str, tuple[float, float, float]] = {
+    "red": (0.80, 0.11, 0.10),
+    "green": (0.13, 0.58, 0.20),
+    "blue": (0.12, 0.27, 0.78),
+    "yellow": (0.95, 0.80, 0.12),
+    "cyan": (0.10, 0.76, 0.84),
+    "magenta": (0.82, 0.13, 0.62),
+    "black": (0.07, 0.07, 0.08),
+    "gray": (0.50, 0.50, 0.51),
+    "orange": (0.95, 0.49, 0.09),
+    "purple": (0.47, 0.18, 0.64),
+    "brown": (0.42, 0.25, 0.14),
+    "pink": (0.95, 0.58, 0.70),
+    "lime": (0.58, 0.83, 0.16),
+    "olive": (0.47, 0.48, 0.13),
+    "teal": (0.05, 0.48, 0.48),
+    "maroon": (0.45, 0.07, 0.13),
+    "navy": (0.08, 0.12, 0.36),
+    "coral": (0.96, 0.45, 0.37),
+    "turquoise": (0.22, 0.80, 0.73),
+    "indigo": (0.28, 0.14, 0.56),
+    "beige": (0.90, 0.84, 0.71),
+    "tan": (0.79, 0.65, 0.46),
+    "silver": (0.74, 0.75, 0.77),
+    "white": (0.93, 0.93, 0.92),
+    "cream": (0.95, 0.91, 0.80),
+    "gold": (0.83, 0.64, 0.22),
+    "charcoal": (0.20, 0.21, 0.23),
+    "mint": (0.62, 0.86, 0.73),
+    "lavender": (0.71, 0.65, 0.86),
+    "sky blue": (0.48, 0.72, 0.92),
+    "dark green": (0.06, 0.32, 0.17),
+    "rust": (0.66, 0.28, 0.12),
+}
+"""sRGB of every colour word the project uses; a description that names a colour must be true of the picture."""
+
+WOODS: dict[str, tuple[float, float, float]] = {
+    "oak": (0.76, 0.58, 0.38),
+    "pine": (0.86, 0.71, 0.49),
+    "walnut": (0.42, 0.28, 0.18),
+    "beech": (0.82, 0.64, 0.46),
+    "mahogany": (0.50, 0.24, 0.15),
+    "birch": (0.90, 0.80, 0.63),
+}
+
+
+def srgb(color: Color) -> tuple[float, float, float]:
+    """The sRGB triple of a colour. Raises KeyError, naming the palette, for an unknown name."""
+    if not isinstance(color, str):
+        r, g, b = color
+        return float(r), float(g), float(b)
+    found = PALETTE.get(color) or WOODS.get(color)
+    if found is None:
+        raise KeyError(f"colour {color!r} is unknown: colours are {', '.join([*PALETTE, *WOODS])}")
+    return found
+
+
+def glaze(color: Color) -> Material:
+    """Glazed ceramic: smooth, clear highlight."""
+    return Material(srgb(color), roughness=0.22)
+
+
+def plastic(color: Color) -> Material:
+    """Moulded plastic: satin."""
+    return Material(srgb(color), roughness=0.42)
+
+
+def painted(color: Color) -> Material:
+    """Painted metal or wood: semi-gloss."""
+    return Material(srgb(color), roughness=0.5)
+
+
+def rubber(color: Color = "charcoal") -> Material:
+    """Rubber: matt."""
+    return Material(srgb(color), roughness=0.9)
+
+
+def metal(color: Color = "silver", seed: int | None = None) -> Material:
+    """Bare metal; brushed where a seed is given."""
+    return Material(srgb(color), roughness=0.35, metallic=0.85, texture=_tile("brushed", srgb(color), seed))
+
+
+def wood(tone: Color = "oak", seed: int | None = None) -> Material:
+    """Wood of a tone of `WOODS` or any colour; grained along u where a seed is given."""
+    return Material(srgb(tone), roughness=0.6, texture=_tile("wood", srgb(tone), seed))
+
+
+def fabric(color: Color, seed: int | None = None) -> Material:
+    """Cloth; woven where a seed is given."""
+    return Material(srgb(color), roughness=0.95, texture=_tile("fabric", srgb(color), seed))
+
+
+def cardboard(color: Color = "tan", seed: int | None = None) -> Material:
+    """Cardboard or paper; with faint fibres where a seed is given."""
+    return Material(srgb(color), roughness=0.9, texture=_tile("paint", srgb(color), seed))
+
+
+def printed(picture: Rgba, roughness: float = 0.45) -> Material:
+    """A label or a printed box: `picture` (H,W,4) uint8 sRGB over the uv square."""
+    mean = picture[..., :3].reshape(-1, 3).mean(0) / 255.0
+    return Material((float(mean[0]), float(mean[1]), float(mean[2])), roughness=roughness, texture=picture)
+
+
+@lru_cache(maxsize=256)
+def _tile(pattern: str, color: tuple[float, float, float], seed: int | None) -> Rgba | None:
+    if seed is None:
+        return None
+    tile = texture(pattern, seed, color, size=128)
+    tile.setflags(write=False)
+    return tile
+
+
+@lru_cache(maxsize=256)
+def print_texture(base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128) -> Rgba:
+    """Printed packaging (size, size, 4) uint8, read-only: ground `base`, ink `accent`.
+
+    kind: "label" (band with text), "stripes" (horizontal bands), "dots", "diamond", "qr" (black modules on white, three finder
+    squares), "keys" (grid of buttons), "panel" (dark display with text). Row 0 of the picture is v = 0. Raises KeyError for an
+    unknown kind, naming the kinds.
+    """
+    if kind not in PRINTS:
+        raise KeyError(f"print {kind!r} is unknown: prints are {', '.join(PRINTS)}")
+    rng = np.random.Generator(np.random.Philox(seed))
+    grain = value_noise(rng, size, (size // 2, size // 2))
+    ground, ink = np.array(srgb(base), np.float32), np.array(srgb(accent), np.float32)
+    canvas = np.ascontiguousarray(mix(ground * 1.02, ground * 0.98, grain), np.float32)
+    PRINTS[kind](canvas, ink, text, rng)
+    picture = rgba(canvas)
+    picture.setflags(write=False)
+    return picture
+
+
+def _write(canvas: np.ndarray, text: str, centre_y: float, color: np.ndarray, height: float) -> None:
+    if not text:
+        return
+    size = canvas.shape[0]
+    scale, thick = height * size / 22.0, max(1, size // 64)
+    (width, tall), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, scale, thick)
+    fit = min(1.0, 0.92 * size / width)
+    (width, tall), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, scale * fit, thick)
+    origin = (int((size - width) / 2), int(centre_y * size + tall / 2))
+    cv2.putText(canvas, text, origin, cv2.FONT_HERSHEY_DUPLEX, scale * fit, color.tolist(), thick, cv2.LINE_AA)
+
+
+def _readable(ink: np.ndarray) -> np.ndarray:
+    return np.full(3, 0.95 if float(ink @ [0.3, 0.6, 0.1]) < 0.55 else 0.08, np.float32)
+
+
+def _plate(canvas: np.ndarray, ink: np.ndarray, text: str) -> None:
+    n = canvas.shape[0]
+    if text:
+        canvas[int(0.38 * n) : int(0.62 * n)] = ink
+    _write(canvas, text, 0.5, _readable(ink), 0.18)
+
+
+def _label(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n = canvas.shape[0]
+    canvas[int(0.3 * n) : int(0.7 * n)] = ink
+    canvas[int(0.25 * n) : int(0.27 * n)] = ink
+    canvas[int(0.73 * n) : int(0.75 * n)] = ink
+    _write(canvas, text, 0.5, _readable(ink), 0.2)
+
+
+def _stripes(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n, bands = canvas.shape[0], int(rng.integers(3, 6))
+    for k in range(bands):
+        canvas[int((k + 0.3) / bands * n) : int((k + 0.7) / bands * n)] = ink
+    _plate(canvas, ink, text)
+
+
+def _dots(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n = canvas.shape[0]
+    for k in range(25):
+        centre = (int((k % 5 + 0.5 * (k // 5 % 2) + 0.25) / 5 * n), int((k // 5 + 0.5) / 5 * n))
+        cv2.circle(canvas, centre, n // 16, ink.tolist(), -1, cv2.LINE_AA)
+    _plate(canvas, ink, text)
+
+
+def _diamond(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n = canvas.shape[0]
+    cv2.fillPoly(canvas, [np.array([[n // 2, n // 8], [7 * n // 8, n // 2], [n // 2, 7 * n // 8], [n // 8, n // 2]])], ink.tolist())
+    _write(canvas, text, 0.5, _readable(ink), 0.16)
+
+
+def _qr(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    modules = 21
+    grid = rng.random((modules, modules)) < 0.5
+    for y, x in ((0, 0), (0, modules - 7), (modules - 7, 0)):
+        grid[max(y - 1, 0) : y + 8, max(x - 1, 0) : x + 8] = False
+        grid[y : y + 7, x : x + 7] = True
+        grid[y + 1 : y + 6, x + 1 : x + 6] = False
+        grid[y + 2 : y + 5, x + 2 : x + 5] = True
+    quiet = np.pad(grid, 2)
+    index = np.arange(canvas.shape[0]) * quiet.shape[0] // canvas.shape[0]
+    canvas[:] = np.where(quiet[index][:, index, None], np.minimum(ink, 0.2), 0.96)
+
+
+def _keys(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n, rows, columns = canvas.shape[0], 6, 3
+    for r in range(rows):
+        for c in range(columns):
+            y, x = (r + 0.5) / rows * n, (c + 0.5) / columns * n
+            tone = ink if (r, c) != (0, 0) else np.array([0.8, 0.1, 0.1], np.float32)
+            cv2.ellipse(canvas, (int(x), int(y)), (int(0.11 * n), int(0.05 * n)), 0, 0, 360, tone.tolist(), -1, cv2.LINE_AA)
+
+
+def _panel(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    n = canvas.shape[0]
+    canvas[int(0.08 * n) : int(0.92 * n), int(0.06 * n) : int(0.94 * n)] = np.array([0.06, 0.09, 0.11], np.float32)
+    _write(canvas, text, 0.5, ink, 0.26)
+
+
+PRINTS = {
+    "label": _label,
+    "stripes": _stripes,
+    "dots": _dots,
+    "diamond": _diamond,
+    "qr": _qr,
+    "keys": _keys,
+    "panel": _panel,
+}

@@ -1,0 +1,208 @@
+"""Seeded procedural textures: (size, size, 4) uint8 sRGB, opaque, tileable in both directions, a few milliseconds each.
+
+Every function draws only from the Generator it is given, so the same seed gives the same bytes. Colours are sRGB triples in 0-1.
+"""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Rgba = NDArray[np.uint8]
+Field = NDArray[np.floating]
+
+
+def value_noise(rng: np.random.Generator, size: int, cells: tuple[int, int]) -> Field:
+    """Tileable smooth noise (size, size) in 0-1: a random lattice of `cells` (rows, columns) with cubic interpolation."""
+    rows, columns = cells
+    lattice = np.pad(rng.random((rows, columns), dtype=np.float32), 2, mode="wrap")
+    y = (np.arange(size, dtype=np.float32) + 0.5) * (rows / size) + 1.5
+    x = (np.arange(size, dtype=np.float32) + 0.5) * (columns / size) + 1.5
+    map_x, map_y = np.broadcast_to(x, (size, size)), np.broadcast_to(y[:, None], (size, size))
+    field = cv2.remap(lattice, np.ascontiguousarray(map_x), np.ascontiguousarray(map_y), cv2.INTER_CUBIC)
+    return np.clip(field, 0, 1)
+
+
+def fractal(rng: np.random.Generator, size: int, cells: tuple[int, int], octaves: int = 4) -> Field:
+    """Sum of `octaves` of value noise, each twice as fine and half as strong, scaled to 0-1 (size, size)."""
+    total = np.zeros((size, size), np.float32)
+    for k in range(octaves):
+        total += 0.5**k * value_noise(rng, size, (min(cells[0] << k, size), min(cells[1] << k, size)))
+    low, high = float(total.min()), float(total.max())
+    return (total - low) / max(high - low, 1e-6)
+
+
+def mix(a: ArrayLike, b: ArrayLike, t: Field) -> Field:
+    """Colour ramp (size, size, 3) from `a` to `b` by `t` (size, size) in 0-1."""
+    a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
+    return a + (b - a) * t[..., None]
+
+
+def rgba(colour: Field) -> Rgba:
+    """Opaque uint8 picture of float colours (H, W, 3) in 0-1."""
+    out = np.full((*colour.shape[:2], 4), 255, np.uint8)
+    out[..., :3] = np.clip(np.rint(colour * 255.0), 0, 255)
+    return out
+
+
+def shade(colour: ArrayLike, factor: float) -> NDArray[np.float64]:
+    """`colour` scaled by `factor`, kept inside 0-1."""
+    return np.clip(np.asarray(colour, float) * factor, 0.0, 1.0)
+
+
+def wood(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Straight grain along x: warped growth rings, fine fibres, slow tone changes."""
+    v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
+    warp = fractal(rng, size, (3, 1), 3)
+    rings = np.float32(rng.integers(5, 10))
+    grain = 0.5 + 0.5 * np.sin(2 * np.pi * (rings * v + 2.2 * warp))
+    fibre = value_noise(rng, size, (size // 2, 4)) * 0.6 + value_noise(rng, size, (size, 10)) * 0.4
+    t = np.clip(0.55 * grain**2 + 0.45 * fibre, 0, 1)
+    return rgba(mix(shade(colour, 1.1), shade(colour, 0.72), t))
+
+
+def planks(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Four boards along x, each with its own tone, dark joints between them."""
+    board = wood(rng, size, colour)[..., :3].astype(np.float32) / 255
+    n, width = 4, size // 4
+    out = np.empty_like(board)
+    for i in range(n):
+        tone = np.float32(rng.uniform(0.84, 1.1))
+        out[i * width : (i + 1) * width] = np.roll(board, int(rng.integers(size)), axis=1)[i * width : (i + 1) * width] * tone
+        out[i * width] *= 0.55
+        joint = int(rng.integers(size))
+        out[i * width : (i + 1) * width, joint] *= 0.6
+    return rgba(out)
+
+
+def marble(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Veined stone: thin dark ridges of a warped noise on a light ground."""
+    body = fractal(rng, size, (3, 3), 4)
+    vein = 1 - np.abs(2 * fractal(rng, size, (2, 3), 5) - 1)
+    t = np.clip(vein**14 * 0.8 + 0.22 * body, 0, 1)
+    return rgba(mix(shade(colour, 1.08), shade(colour, 0.5), t))
+
+
+def stone(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Granite-like: clouds plus fine speckle."""
+    clouds = fractal(rng, size, (4, 4), 4)
+    speckle = value_noise(rng, size, (size // 2, size // 2))
+    return rgba(mix(shade(colour, 1.12), shade(colour, 0.62), 0.5 * clouds + 0.5 * speckle))
+
+
+def fabric(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Plain weave: over-and-under threads with uneven yarn."""
+    threads = int(rng.choice([16, 24, 32]))
+    u = np.arange(size, dtype=np.float32) * (threads / size)
+    ridge = np.sin(np.pi * (u % 1)) ** 0.7
+    over = ((np.floor(u)[:, None] + np.floor(u)[None]) % 2).astype(np.float32)
+    height = over * ridge[:, None] + (1 - over) * ridge[None]
+    yarn = 0.5 * value_noise(rng, size, (threads, 4)) + 0.5 * value_noise(rng, size, (4, threads))
+    t = np.clip(1 - 0.7 * height + 0.35 * (yarn - 0.5), 0, 1)
+    return rgba(mix(shade(colour, 1.1), shade(colour, 0.6), t))
+
+
+def terrazzo(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Stone chips of four tones in a plain ground; chips wrap around the border."""
+    canvas = np.tile(np.asarray(colour, np.float32), (size, size, 1))
+    tones = np.asarray(colour, np.float32) * rng.uniform(0.45, 1.25, (4, 1)) + rng.uniform(-0.12, 0.12, (4, 3))
+    for _ in range(90):
+        centre, radius = rng.integers(0, size, 2), rng.uniform(0.008, 0.03) * size
+        angles = np.sort(rng.uniform(0, 2 * np.pi, 6))
+        chip = np.stack([np.cos(angles), np.sin(angles)], 1) * radius * rng.uniform(0.6, 1.3, (6, 1))
+        tone = np.clip(tones[rng.integers(4)], 0, 1).tolist()
+        for shift in ((0, 0), (size, 0), (0, size), (size, size)):
+            points = np.rint(chip + centre - np.array(shift)).astype(np.int32)
+            cv2.fillPoly(canvas, [points], tone, lineType=cv2.LINE_AA)
+    return rgba(canvas)
+
+
+def bricks(rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 8, columns: int = 4) -> Rgba:
+    """Running bond with light mortar; every brick has its own tone."""
+    return _courses(rng, size, colour, rows, columns, offset=0.5, gap=0.06, joint=np.array([0.78, 0.76, 0.72]))
+
+
+def tiles(rng: np.random.Generator, size: int, colour: ArrayLike, rows: int = 4, columns: int = 4) -> Rgba:
+    """Square ceramic tiles with pale joints."""
+    return _courses(rng, size, colour, rows, columns, offset=0.0, gap=0.03, joint=np.array([0.86, 0.86, 0.84]))
+
+
+def _courses(
+    rng: np.random.Generator, size: int, colour: ArrayLike, rows: int, columns: int, offset: float, gap: float, joint: ArrayLike
+) -> Rgba:
+    v = np.arange(size, dtype=np.float32)[:, None] * (rows / size)
+    row = np.floor(v).astype(int)
+    u = np.arange(size, dtype=np.float32)[None] * (columns / size) + offset * (row % 2)
+    column = np.floor(u).astype(int) % columns
+    tone = (1 + rng.uniform(-0.14, 0.1, (rows, columns)))[row, column].astype(np.float32)
+    grain = 1 + 0.12 * (value_noise(rng, size, (size // 4, size // 4)) - 0.5)
+    edge_v = np.minimum(v % 1, 1 - v % 1) / columns * rows
+    edge_u = np.minimum(u % 1, 1 - u % 1)
+    inside = np.clip((np.minimum(edge_u, edge_v * columns / rows * columns / rows) - gap) * size / columns / 2 + 0.5, 0, 1)
+    body = np.asarray(colour, np.float32) * (tone * grain)[..., None]
+    return rgba(mix(np.zeros(3), np.ones(3), inside) * body + (1 - inside)[..., None] * np.asarray(joint, np.float32))
+
+
+def paint(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Rolled wall paint: faint clouds and stipple."""
+    t = 0.6 * fractal(rng, size, (3, 3), 3) + 0.4 * value_noise(rng, size, (size // 3, size // 3))
+    return rgba(mix(shade(colour, 1.05), shade(colour, 0.92), t))
+
+
+def checker(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Two-tone squares."""
+    n = int(rng.choice([4, 6, 8]))
+    k = np.arange(size) * n // size
+    t = ((k[:, None] + k[None]) % 2).astype(np.float32)
+    other = shade(colour, rng.uniform(0.35, 0.7)) if np.mean(colour) > 0.35 else 1 - 0.4 * np.asarray(colour)
+    return rgba(mix(colour, other, t))
+
+
+def brushed(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Brushed metal: fine streaks along x."""
+    t = 0.7 * value_noise(rng, size, (size, 3)) + 0.3 * value_noise(rng, size, (size, 12))
+    return rgba(mix(shade(colour, 1.1), shade(colour, 0.78), t))
+
+
+def stripes(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Parallel bands of two tones and a thin third."""
+    n = int(rng.choice([4, 6, 8, 10]))
+    u = (np.arange(size, dtype=np.float32) * (n / size)) % 1
+    t = np.broadcast_to(np.where(u < 0.5, 0.0, np.where(u < 0.9, 1.0, 0.4)).astype(np.float32), (size, size))
+    return rgba(mix(colour, rng.uniform(0.1, 0.95, 3), t))
+
+
+def noise(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Coloured clouds between the colour and a random one."""
+    return rgba(mix(colour, rng.uniform(0, 1, 3), fractal(rng, size, (4, 4), 5)))
+
+
+def plain(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """One colour with a trace of paper grain."""
+    return rgba(mix(shade(colour, 1.02), shade(colour, 0.98), value_noise(rng, size, (size // 2, size // 2))))
+
+
+PATTERNS: dict[str, Callable[[np.random.Generator, int, ArrayLike], Rgba]] = {
+    "wood": wood,
+    "planks": planks,
+    "marble": marble,
+    "stone": stone,
+    "fabric": fabric,
+    "terrazzo": terrazzo,
+    "bricks": bricks,
+    "tiles": tiles,
+    "paint": paint,
+    "checker": checker,
+    "brushed": brushed,
+    "stripes": stripes,
+    "noise": noise,
+    "plain": plain,
+}
+
+
+def texture(pattern: str, seed: int, colour: ArrayLike, size: int = 256) -> Rgba:
+    """Texture of a named pattern from an integer seed. Raises KeyError, naming the patterns, for an unknown one."""
+    if pattern not in PATTERNS:
+        raise KeyError(f"texture pattern {pattern!r} is unknown: patterns are {', '.join(PATTERNS)}")
+    return PATTERNS[pattern](np.random.Generator(np.random.Philox(seed)), size, colour)
