@@ -1,0 +1,51 @@
+"""Forward kinematics of an arm in plain numpy: for building, checking and drawing (planning uses the compiled version)."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Pose, compose, pose, quat_about
+from pipeline.world.robots.contract import Arm, Joint, jaw_positions
+
+
+def joint_motion(joint: Joint, position: float) -> Pose:
+    """Pose (7,) of the moved child frame in the unmoved one, for a joint position in rad or m."""
+    if joint.kind == "revolute":
+        return pose(quaternion=quat_about(joint.axis, position))
+    if joint.kind == "prismatic":
+        return pose(np.asarray(joint.axis, float) * position)
+    return pose()
+
+
+def link_poses(arm: Arm, positions: Mapping[str, float]) -> dict[str, Pose]:
+    """World pose (7,) of every link by its local name, for joint positions (rad, m) by local joint name; missing ones are 0."""
+    poses = {root_link(arm): np.array(arm.base)}
+    for joint in arm.joints:
+        local = compose(joint.origin, joint_motion(joint, positions.get(joint.name, 0.0)))
+        poses[joint.child] = compose(poses[joint.parent], local)
+    return poses
+
+
+def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
+    """Like `link_poses` for an arm configuration (dof,) rad and a normalised gripper value (0 closed, 1 open)."""
+    positions = dict(zip(arm.arm_joints, np.asarray(q, float).tolist(), strict=True))
+    positions |= dict(zip(arm.gripper.joints, jaw_positions(arm.gripper, gripper).tolist(), strict=True))
+    return link_poses(arm, positions)
+
+
+def tcp_pose(arm: Arm, q: ArrayLike) -> Pose:
+    """World pose (7,) of the tool frame (x approach, y opening) for an arm configuration (dof,) rad."""
+    return compose(arm_poses(arm, q)[arm.hand], arm.tcp)
+
+
+def root_link(arm: Arm) -> str:
+    """Local name of the link that no joint moves: the one `arm.base` places in the world."""
+    children = {joint.child for joint in arm.joints}
+    return next(link.name for link in arm.links if link.name not in children)
+
+
+def arm_limits(arm: Arm) -> np.ndarray:
+    """Position limits of the arm joints, (dof, 2) rad: lower, upper."""
+    by_name = {joint.name: joint for joint in arm.joints}
+    return np.array([(by_name[n].lower, by_name[n].upper) for n in arm.arm_joints])

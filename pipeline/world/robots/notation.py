@@ -1,0 +1,88 @@
+"""Short constructors for robot tables: joint origins, collision pieces, drawn surfaces, the head camera."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Pose, frame, pose, quat_from_matrix, quat_from_rpy
+from pipeline.world.robots.contract import Joint, Link
+from pipeline.world.shapes import Collider
+
+# RoboTwin 2.0 `static_camera_list`: the same head camera for every robot
+HEAD_CAMERA = frame((-0.032, -0.45, 1.35), (0, 0.6, -0.8), (-1, 0, 0))
+HEAD_CAMERA.setflags(write=False)
+
+# RoboTwin 2.0 turns every base by 90 degrees so that its x axis points away from the robot's side of the table
+FACING_TABLE = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+
+Triple = tuple[float, float, float]
+
+
+def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
+    """Pose of a URDF `<origin xyz rpy>` (m, rad)."""
+    return pose(xyz, quat_from_rpy(*rpy))
+
+
+def revolute(
+    name: str,
+    parent: str,
+    child: str,
+    xyz: Triple,
+    rpy: Triple,
+    axis: Triple,
+    limits: tuple[float, float],
+    velocity: float,
+    effort: float,
+) -> Joint:
+    """A hinge: limits (lower, upper) rad, velocity rad/s, effort N m."""
+    return Joint(name, "revolute", parent, child, at(xyz, rpy), axis, limits[0], limits[1], velocity, effort)
+
+
+def jaw(
+    name: str,
+    parent: str,
+    child: str,
+    xyz: Triple,
+    rpy: Triple,
+    axis: Triple,
+    limits: tuple[float, float],
+    velocity: float,
+    effort: float,
+) -> Joint:
+    """A slide: limits (lower, upper) m, velocity m/s, effort N."""
+    return Joint(name, "prismatic", parent, child, at(xyz, rpy), axis, limits[0], limits[1], velocity, effort)
+
+
+def box(lower: ArrayLike, upper: ArrayLike) -> Collider:
+    """Axis-aligned box between two corners (m, link frame)."""
+    a, b = np.asarray(lower, float), np.asarray(upper, float)
+    return Collider("box", tuple(((b - a) / 2).tolist()), pose((a + b) / 2))
+
+
+def cylinder(start: ArrayLike, end: ArrayLike, radius: float) -> Collider:
+    """Flat-ended cylinder whose axis runs between two points (m, link frame)."""
+    return _along("cylinder", start, end, radius)
+
+
+def capsule(start: ArrayLike, end: ArrayLike, radius: float) -> Collider:
+    """Capsule whose two sphere centres are the given points (m, link frame)."""
+    return _along("capsule", start, end, radius)
+
+
+def box_inertia(mass: float, size: Triple) -> Triple:
+    """Principal moments (kg m2) of a solid box of the given edge lengths (m) about its centre."""
+    x, y, z = (v * v for v in size)
+    return (mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12)
+
+
+def link(name: str, mass: float, com: Triple, inertia: Triple, *collision: Collider) -> Link:
+    """A link without visuals; `with_visuals` adds them."""
+    return Link(name, mass, com, inertia, (), collision)
+
+
+def _along(kind: str, start: ArrayLike, end: ArrayLike, radius: float) -> Collider:
+    a, b = np.asarray(start, float), np.asarray(end, float)
+    z = (b - a) / np.linalg.norm(b - a)
+    x = np.cross((0, 1, 0) if abs(z[1]) < 0.9 else (1, 0, 0), z)
+    x = x / np.linalg.norm(x)
+    rotation = np.stack([x, np.cross(z, x), z], axis=1)
+    return Collider(kind, (radius, float(np.linalg.norm(b - a)) / 2), pose((a + b) / 2, quat_from_matrix(rotation)))

@@ -1,0 +1,110 @@
+"""An arm or an embodiment as URDF text: kinematics, inertials and collision primitives. Visuals are attached in memory instead."""
+
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Pose, compose, pose, quat_to_matrix
+from pipeline.world.robots.contract import SIDES, Arm, Embodiment, Joint, Link
+from pipeline.world.robots.forward import root_link
+from pipeline.world.shapes import Collider
+
+
+def arm_urdf(arm: Arm, prefix: str = "") -> str:
+    """URDF of one arm; its root link is the arm's own (place it at `arm.base`). Every name starts with `prefix`.
+
+    Jaw joints are plain slides without `<mimic>`: both are driven. Collision elements are boxes, cylinders and spheres (a capsule
+    is written as a cylinder and two spheres, because URDF has none). Raises ValueError for a convex piece, which needs a file.
+    """
+    robot = ET.Element("robot", name=f"{prefix}{arm.model}")
+    _add_arm(robot, arm, prefix)
+    return _text(robot)
+
+
+def embodiment_urdf(embodiment: Embodiment, arms: Sequence[str] = SIDES) -> str:
+    """URDF of the named arms fixed to one `world` link at their world base poses, names prefixed `left_` / `right_`."""
+    robot = ET.Element("robot", name=embodiment.name)
+    ET.SubElement(robot, "link", name="world")
+    for side in arms:
+        arm = embodiment.arms[side]
+        root = f"{side}_{root_link(arm)}"
+        joint = ET.SubElement(robot, "joint", name=f"{side}_mount", type="fixed")
+        _origin(joint, arm.base)
+        ET.SubElement(joint, "parent", link="world")
+        ET.SubElement(joint, "child", link=root)
+        _add_arm(robot, arm, f"{side}_")
+    return _text(robot)
+
+
+def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
+    """URDF roll, pitch, yaw (rad) of a unit quaternion wxyz: the inverse of `poses.quat_from_rpy`, roll 0 at the pitch poles."""
+    m = quat_to_matrix(q)
+    pitch = float(np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0])))
+    if np.hypot(m[0, 0], m[1, 0]) < 1e-9:
+        return 0.0, pitch, float(np.arctan2(-m[0, 1], m[1, 1]))
+    return float(np.arctan2(m[2, 1], m[2, 2])), pitch, float(np.arctan2(m[1, 0], m[0, 0]))
+
+
+def _add_arm(robot: ET.Element, arm: Arm, prefix: str) -> None:
+    for link in arm.links:
+        _add_link(robot, link, prefix)
+    for joint in arm.joints:
+        _add_joint(robot, joint, prefix)
+
+
+def _add_link(robot: ET.Element, link: Link, prefix: str) -> None:
+    e = ET.SubElement(robot, "link", name=prefix + link.name)
+    inertial = ET.SubElement(e, "inertial")
+    _origin(inertial, pose(link.com))
+    ET.SubElement(inertial, "mass", value=_number(link.mass))
+    xx, yy, zz = map(_number, link.inertia)
+    ET.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
+    for collider in link.collision:
+        for origin, tag, attributes in _geometry(collider, link.name):
+            piece = ET.SubElement(e, "collision")
+            _origin(piece, origin)
+            ET.SubElement(ET.SubElement(piece, "geometry"), tag, attributes)
+
+
+def _geometry(c: Collider, owner: str) -> list[tuple[Pose, str, dict[str, str]]]:
+    if c.kind == "box":
+        return [(c.pose, "box", {"size": _row(2 * np.array(c.size))})]
+    if c.kind == "sphere":
+        return [(c.pose, "sphere", {"radius": _number(c.size[0])})]
+    if c.kind in ("cylinder", "capsule"):
+        radius, half = c.size
+        tube = (c.pose, "cylinder", {"radius": _number(radius), "length": _number(2 * half)})
+        ends = [(compose(c.pose, pose((0, 0, z))), "sphere", {"radius": _number(radius)}) for z in (-half, half)]
+        return [tube, *ends] if c.kind == "capsule" else [tube]
+    raise ValueError(f"link {owner!r}: a {c.kind} collision piece cannot be written in URDF, use box, cylinder, capsule or sphere")
+
+
+def _add_joint(robot: ET.Element, joint: Joint, prefix: str) -> None:
+    e = ET.SubElement(robot, "joint", name=prefix + joint.name, type=joint.kind)
+    _origin(e, joint.origin)
+    ET.SubElement(e, "parent", link=prefix + joint.parent)
+    ET.SubElement(e, "child", link=prefix + joint.child)
+    if joint.kind != "fixed":
+        ET.SubElement(e, "axis", xyz=_row(joint.axis))
+        limits = {"lower": joint.lower, "upper": joint.upper, "velocity": joint.velocity, "effort": joint.effort}
+        ET.SubElement(e, "limit", {k: _number(v) for k, v in limits.items()})
+
+
+def _origin(parent: ET.Element, p: Pose) -> None:
+    ET.SubElement(parent, "origin", xyz=_row(p[:3]), rpy=_row(rpy_from_quat(p[3:])))
+
+
+def _row(values: ArrayLike) -> str:
+    return " ".join(_number(v) for v in np.asarray(values, float))
+
+
+def _number(value: float) -> str:
+    # 17 digits and no negative zero: the text carries the spec's doubles exactly and is the same on every run
+    return repr(float(value) + 0.0)
+
+
+def _text(robot: ET.Element) -> str:
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode")
