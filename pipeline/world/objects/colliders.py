@@ -1,0 +1,98 @@
+"""Authored collision: convex pieces beside the visuals, from the same numbers, so that hollow things are hollow.
+
+All functions return tuples of `Collider` in the body frame (metres, z up), ready to be added together.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.poses import pose, quat_about, quat_from_matrix, quat_multiply
+from pipeline.world.shapes import Collider
+
+Colliders = tuple[Collider, ...]
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+
+ALONG_X = quat_about((0, 1, 0), np.pi / 2)
+ALONG_Y = quat_about((1, 0, 0), -np.pi / 2)
+
+
+def box_collider(hx: float, hy: float, hz: float, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = UPRIGHT) -> Colliders:
+    """A box of half extents at `position`."""
+    return (Collider("box", (hx, hy, hz), pose(position, quaternion)),)
+
+
+def cylinder_collider(
+    radius: float, lower: float, upper: float, centre: ArrayLike = (0, 0), quaternion: ArrayLike = (1, 0, 0, 0)
+) -> Colliders:
+    """A cylinder standing between heights `lower` and `upper` at `centre` (x, y); `quaternion` turns it about its own middle."""
+    x, y = np.asarray(centre, float)
+    return (Collider("cylinder", (radius, (upper - lower) / 2), pose((x, y, (lower + upper) / 2), quaternion)),)
+
+
+def disc(radius: float, thickness: float, z: float = 0.0) -> Colliders:
+    """A flat round plate whose underside is at height `z`."""
+    return cylinder_collider(radius, z, z + thickness)
+
+
+def sphere_collider(radius: float, position: ArrayLike = (0, 0, 0)) -> Colliders:
+    """A ball."""
+    return (Collider("sphere", (radius,), pose(position)),)
+
+
+def capsule_between(a: ArrayLike, b: ArrayLike, radius: float) -> Colliders:
+    """A capsule whose axis runs from `a` to `b` (3,)."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    return (Collider("capsule", (radius, float(np.linalg.norm(b - a)) / 2), pose((a + b) / 2, _along(b - a))),)
+
+
+def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
+    """Capsules along a polyline (N,3)."""
+    path = np.asarray(path, float)
+    return tuple(c for a, b in pairwise(path) for c in capsule_between(a, b, radius))
+
+
+def convex_collider(points: ArrayLike) -> Colliders:
+    """The convex hull of `points` (N,3)."""
+    return (Collider("convex", (), vertices=np.asarray(points, float)),)
+
+
+def ring_of_boxes(radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None) -> Colliders:
+    """A hollow wall of `n` boxes, `wall` thick: outer radius `radius` at height `z` and `top` (default the same) at `z + height`.
+
+    The boxes' outer faces touch the circle half-way between its inscribed and circumscribed polygons. A leaning wall's boxes lean.
+    """
+    top = radius if top is None else top
+    middle, slant = (radius + top) / 2, np.hypot(height, top - radius)
+    fit = (1 + np.cos(np.pi / n)) / 2
+    lean = quat_about((0, 1, 0), float(np.arctan2(top - radius, height)))
+    half_width = max(radius, top) * np.tan(np.pi / n)
+    pieces = []
+    for k in range(n):
+        angle = 2 * np.pi * (k + 0.5) / n
+        turn = quat_multiply(quat_about((0, 0, 1), angle), lean)
+        out = np.array([np.cos(angle), np.sin(angle), 0.0])
+        normal = np.array([np.cos(angle) * height, np.sin(angle) * height, radius - top]) / slant
+        centre = out * middle * fit + [0, 0, z + height / 2] - normal * wall / 2
+        pieces.append(Collider("box", (wall / 2, half_width, slant / 2), pose(centre, turn)))
+    return tuple(pieces)
+
+
+def walls_of_boxes(hx: float, hy: float, wall: float, height: float, z: float = 0.0) -> Colliders:
+    """Four upright walls of an open rectangular box of outer half extents, from height `z` up."""
+    h = height / 2
+    return (
+        *box_collider(wall / 2, hy, h, (hx - wall / 2, 0, z + h)),
+        *box_collider(wall / 2, hy, h, (wall / 2 - hx, 0, z + h)),
+        *box_collider(hx, wall / 2, h, (0, hy - wall / 2, z + h)),
+        *box_collider(hx, wall / 2, h, (0, wall / 2 - hy, z + h)),
+    )
+
+
+def _along(direction: np.ndarray) -> np.ndarray:
+    z = direction / np.linalg.norm(direction)
+    x = np.eye(3)[np.argmin(np.abs(z))]
+    x = x - z * (x @ z)
+    x /= np.linalg.norm(x)
+    return quat_from_matrix(np.stack([x, np.cross(z, x), z], axis=1))

@@ -1,0 +1,223 @@
+"""Parametric surfaces, low in triangles and with uvs: revolve, box, cylinder, sphere, capsule, sweep, loft, extrude, decals.
+
+Lengths in metres, z up. Revolved and extruded things stand on their own z values; boxes, spheres and capsules are centred.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from manifold3d import triangulate
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
+
+from pipeline.poses import pose
+from pipeline.world.objects.surface import box_uv, finish
+from pipeline.world.shapes import Mesh
+
+
+def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
+    """The mesh turned by `quaternion` (wxyz), then moved to `position` (m)."""
+    return mesh.moved(pose(position, quaternion))
+
+
+def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
+    """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material on its left.
+
+    Bottom centre, outer wall upwards, top is such a walk. u goes once round, v falls along the profile from 1 to 0.
+    """
+    profile = np.asarray(profile, float)
+    radius, z = profile.T
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
+    v = 1 - length / length[-1]
+    angle = 2 * np.pi * np.arange(sides) / sides
+    points = np.stack([np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius), np.tile(z, (sides, 1))], -1)
+    k = len(profile)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(sides), np.arange(k - 1), indexing="ij"))
+    n = (i + 1) % sides
+    low, low_next, high, high_next = i * k + j, n * k + j, i * k + j + 1, n * k + j + 1
+    u0, u1, v0, v1 = i / sides, (i + 1) / sides, v[j], v[j + 1]
+    faces = np.concatenate([np.stack([low, low_next, high_next], 1), np.stack([low, high_next, high], 1)])
+    first = np.stack([np.stack([u0, v0], 1), np.stack([u1, v0], 1), np.stack([u1, v1], 1)], 1)
+    second = np.stack([np.stack([u0, v0], 1), np.stack([u1, v1], 1), np.stack([u0, v1], 1)], 1)
+    return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
+
+
+def band(radius: float, lower: float, upper: float, sides: int = 24, start: float = 0.0, turns: float = 1.0) -> Mesh:
+    """A label round a cylinder, from height `lower` to `upper`, beginning at azimuth `start` (rad) and going `turns` of the way.
+
+    The unit square of uv covers it once, upright and readable from outside.
+    """
+    angle = start + 2 * np.pi * turns * np.arange(sides + 1) / sides
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
+    points = np.concatenate([np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)])
+    i = np.arange(sides)
+    faces = np.concatenate([np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)])
+    uv = np.column_stack([np.tile(np.linspace(0, 1, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)])
+    return finish(points, faces, uv[faces], 60.0)
+
+
+def decal(width: float, height: float, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
+    """A rectangle in the local xy plane facing +z, the picture upright along +y, placed by `position` and `quaternion`."""
+    points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [width / 2, height / 2, 1]
+    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return at(finish(points, faces, uv[faces]), position, quaternion)
+
+
+def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
+    """Box of half extents, centred, its edges and corners chamfered by `bevel` (m); 12 or 44 triangles, uv per side."""
+    half = np.array([hx, hy, hz])
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    if bevel <= 0:
+        points = signs * half
+    else:
+        inset = np.minimum(half - 1e-5, half - bevel)
+        points = np.concatenate([signs * np.where(np.arange(3) == axis, half, inset) for axis in range(3)])
+    faces = hull_faces(points)
+    return finish(points, faces, box_uv(points, faces), 50.0)
+
+
+def hull_faces(points: NDArray) -> NDArray[np.integer]:
+    """Outward triangles (M,3) of the convex hull of `points` (N,3)."""
+    hull = ConvexHull(points)
+    faces = hull.simplices.copy()
+    a, b, c = points[faces].transpose(1, 0, 2)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces
+
+
+def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) -> Mesh:
+    """Closed cylinder from z = 0 to `height`, rims chamfered by `bevel`."""
+    if bevel <= 0:
+        return revolve([(0, 0), (radius, 0), (radius, height), (0, height)], sides)
+    b = bevel
+    return revolve([(0, 0), (radius - b, 0), (radius, b), (radius, height - b), (radius - b, height), (0, height)], sides, 50.0)
+
+
+def arc(centre: Sequence[float], radius: float, start: float, end: float, n: int) -> list[tuple[float, float]]:
+    """`n` + 1 points of a circle in the (r, z) or (x, y) plane between two angles in degrees."""
+    angle = np.radians(np.linspace(start, end, n + 1))
+    return [(float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a))) for a in angle]
+
+
+def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
+    """Sphere centred at the origin."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
+    profile = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    profile[[0, -1], 0] = 0
+    return revolve(profile, sides, 60.0)
+
+
+def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
+    """Capsule along z, centred: a cylinder of half length `half` with round ends."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
+    profile = np.column_stack([radius * np.cos(angle), radius * np.sin(angle) + half * np.sign(np.round(angle, 9))])
+    profile[[0, -1], 0] = 0
+    return revolve(profile, sides, 60.0)
+
+
+def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
+    """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction of travel.
+
+    With `caps`, flat fans close the ends. u goes round, v runs from 1 at the first section to 0 at the last.
+    """
+    sections = np.asarray(sections, float)
+    s, k, _ = sections.shape
+    points = sections.reshape(-1, 3)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(s - 1), np.arange(k), indexing="ij"))
+    n = (j + 1) % k
+    a, b, c, d = i * k + j, i * k + n, (i + 1) * k + n, (i + 1) * k + j
+    u0, u1, v0, v1 = j / k, (j + 1) / k, 1 - i / (s - 1), 1 - (i + 1) / (s - 1)
+    faces = [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
+    uvs = [
+        np.stack([np.stack([u0, v0], 1), np.stack([u1, v0], 1), np.stack([u1, v1], 1)], 1),
+        np.stack([np.stack([u0, v0], 1), np.stack([u1, v1], 1), np.stack([u0, v1], 1)], 1),
+    ]
+    if caps:
+        ring = np.arange(k)
+        for index, reverse in ((0, True), (s - 1, False)):
+            points = np.concatenate([points, sections[index].mean(0, keepdims=True)])
+            fan = np.stack([np.full(k, len(points) - 1), index * k + ring, index * k + (ring + 1) % k], 1)
+            faces.append(fan[:, ::-1] if reverse else fan)
+            turn = 2 * np.pi * np.stack([np.zeros(k), ring, ring + 1], 1) / k
+            disc = 0.5 + 0.5 * np.stack([np.cos(turn), np.sin(turn)], -1)
+            disc[:, 0] = 0.5
+            uvs.append(disc[:, ::-1] if reverse else disc)
+    return finish(points, np.concatenate(faces), np.concatenate(uvs), crease)
+
+
+def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
+    """Round tube of `radius` (m; a number or one per point) along `path` (N,3); flat ends, or a loop when `closed`."""
+    path = np.asarray(path, float)
+    radius = np.broadcast_to(np.asarray(radius, float), len(path))
+    ahead = np.roll(path, -1, 0) - path
+    behind = path - np.roll(path, 1, 0)
+    if not closed:
+        ahead[-1], behind[0] = behind[-1], ahead[0]
+    unit_ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    unit_behind = behind / np.linalg.norm(behind, axis=1, keepdims=True)
+    tangent = unit_ahead + unit_behind
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    side = _transported(tangent)
+    if closed:
+        path, radius, tangent = (np.concatenate([a, a[:1]]) for a in (path, radius, tangent))
+        side = np.concatenate([side, side[:1]])
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * np.cross(tangent, side)[:, None]
+    return loft(path[:, None] + radius[:, None, None] * ring, caps=not closed, crease=60.0)
+
+
+def _transported(tangent: NDArray) -> NDArray[np.float64]:
+    start = np.eye(3)[np.argmin(np.abs(tangent[0]))]
+    sides = []
+    for t in tangent:
+        start = start - t * (start @ t)
+        start = start / np.linalg.norm(start)
+        sides.append(start)
+    return np.array(sides)
+
+
+def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
+    """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave, both rims chamfered by `bevel`."""
+    outline = np.asarray(outline, float)
+    k = len(outline)
+    if bevel > 0:
+        inner = inset(outline, bevel)
+        rings = [(inner, 0.0), (outline, bevel), (outline, height - bevel), (inner, height)]
+    else:
+        rings = [(outline, 0.0), (outline, height)]
+    points = np.concatenate([np.column_stack([ring, np.full(k, z)]) for ring, z in rings])
+    j = np.arange(k)
+    n = (j + 1) % k
+    walls = [
+        np.concatenate([np.stack([s * k + j, s * k + n, s * k + k + n], 1), np.stack([s * k + j, s * k + k + n, s * k + k + j], 1)])
+        for s in range(len(rings) - 1)
+    ]
+    lid = np.asarray(triangulate([rings[0][0].tolist()]), int)
+    faces = np.concatenate([*walls, lid[:, ::-1], lid + (len(rings) - 1) * k])
+    return finish(points, faces, box_uv(points, faces), crease)
+
+
+def inset(outline: ArrayLike, distance: float) -> NDArray[np.float64]:
+    """`outline` (K,2), counter-clockwise, moved inwards by `distance` (m) along the mitres (at most two distances long)."""
+    outline = np.asarray(outline, float)
+    edge = np.roll(outline, -1, 0) - outline
+    normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1, keepdims=True)
+    mitre = normal + np.roll(normal, 1, 0)
+    mitre /= np.linalg.norm(mitre, axis=1, keepdims=True)
+    stretch = 1 / np.maximum(np.einsum("ij,ij->i", mitre, normal), 0.5)
+    return outline + mitre * (distance * stretch)[:, None]
+
+
+def rounded_rectangle(hx: float, hy: float, radius: float, n: int = 4) -> NDArray[np.float64]:
+    """Counter-clockwise outline (4(n+1),2) of a rectangle of half extents with round corners."""
+    r = min(radius, hx, hy)
+    corners = [((hx - r, hy - r), 0), ((r - hx, hy - r), 90), ((r - hx, r - hy), 180), ((hx - r, r - hy), 270)]
+    return np.array([p for centre, start in corners for p in arc(centre, r, start, start + 90, n)])
+
+
+def ellipse(a: float, b: float, n: int = 24) -> NDArray[np.float64]:
+    """Counter-clockwise outline (n,2) of an ellipse with half axes a and b."""
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.column_stack([a * np.cos(angle), b * np.sin(angle)])
