@@ -1,0 +1,305 @@
+"""What every exporter shares: one error, an atomic output directory, the order of episodes, and the facts one episode carries."""
+
+import json
+import os
+import shutil
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.episode import EpisodeError, EpisodeFile
+from pipeline.spec import EpisodeSpec
+from pipeline.world.state_log import StateLog
+
+SUMMARY = "export.json"
+CLOCK_TOLERANCE = 1e-6  # s
+Progress = Callable[[int], None] | None
+
+
+class ExportError(Exception):
+    """An export that cannot be made; the message names the file and what is wrong with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """One episode without its pictures: T frames on an exact clock, and the instruction chosen for it.
+
+    `source` is the path relative to the dataset, `log` is in float64; `cameras` are the names in the file, sorted; `size` is the
+    picture size (H, W) in pixels, the same for every camera.
+    """
+
+    source: str
+    spec: EpisodeSpec
+    fps: int
+    log: StateLog
+    target: NDArray[np.float64]  # (T, 7) world pose
+    instruction: str
+    seen: list[str]
+    unseen: list[str]
+    motion: str
+    meta: dict[str, Any]
+    cameras: tuple[str, ...]
+    size: tuple[int, int]
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+
+def camera_label(camera: str) -> str:
+    """Exported name of a camera: "left_camera" -> "left_wrist", "right_camera" -> "right_wrist", others as they are."""
+    return {"left_camera": "left_wrist", "right_camera": "right_wrist"}.get(camera, camera)
+
+
+def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
+    """The one of the seen instructions that an export attaches to this episode; a function of spec and list only."""
+    return seen[int(spec.rng("export_instruction").integers(len(seen)))]
+
+
+def ordered(episodes: Sequence[Path]) -> list[Path]:
+    """Episodes in the order of every export: sorted paths. Raises ExportError when there are none or one comes twice."""
+    paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
+    if not paths:
+        raise ExportError("there are no episodes to export; run the build first")
+    twice = next((a for a, b in zip(paths, paths[1:], strict=False) if a == b), None)
+    if twice is not None:
+        raise ExportError(f"{twice}: given twice")
+    return paths
+
+
+def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, list[Path]]]:
+    """Embodiment -> (directory, its episodes in order): `out` itself for one embodiment, else `out/<embodiment>`.
+
+    Vectors of different embodiments differ in width and meaning, so formats with one shape per dataset get one dataset each.
+    """
+    groups: dict[str, list[Path]] = {}
+    for path in ordered(episodes):
+        with reading(path) as file:
+            groups.setdefault(file.spec.embodiment, []).append(path)
+    single = len(groups) == 1
+    return {name: (out if single else out / name, groups[name]) for name in sorted(groups)}
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[EpisodeFile]:
+    """Open an episode; whatever is wrong with the file comes out as ExportError naming it."""
+    try:
+        with EpisodeFile(path) as file:
+            yield file
+    except EpisodeError as error:
+        message = str(error)
+        raise ExportError(message if str(path) in message else f"{path}: {message}") from error
+    except (KeyError, ValueError, OSError) as error:
+        raise ExportError(f"{path}: is not a complete episode ({error}); delete it and run the build again") from error
+
+
+def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
+    """Everything but the pictures of an open episode. Raises ExportError for one that breaks its own promises: frames off the
+    fps grid, arrays of different lengths, values that are not finite, no instruction, cameras of different sizes."""
+    episode = file.read()
+    log, path = episode.log, file.path
+    seen, unseen = list(episode.instructions["seen"]), list(episode.instructions["unseen"])
+    if not seen:
+        raise ExportError(f"{path}: has no instruction")
+    frames = len(log)
+    if frames == 0:
+        raise ExportError(f"{path}: has no frames")
+    if np.abs(log.times - log.times[0] - np.arange(frames) / file.fps).max() > CLOCK_TOLERANCE:
+        raise ExportError(f"{path}: frames are not {file.fps} per second")
+    target = file.array("target/pose")
+    arrays = {
+        "state": log.state,
+        "action": log.action,
+        "target pose": target,
+        "target velocity": log.target_velocity,
+        "tcp": log.tcp,
+    }
+    for name, value in arrays.items():
+        if len(value) != frames:
+            raise ExportError(f"{path}: {name} has {len(value)} rows for {frames} frames")
+        if not np.isfinite(value).all():
+            raise ExportError(f"{path}: {name} holds values that are not finite")
+    if not episode.cameras:
+        raise ExportError(f"{path}: has no cameras")
+    sizes = set()
+    for camera in episode.cameras:
+        count = len(file.array(f"observation/{camera}/pose"))
+        if count != frames:
+            raise ExportError(f"{path}: {camera} has {count} pictures for {frames} frames")
+        sizes.add(file.rgb(camera, 0).shape[:2])
+    if len(sizes) > 1:
+        raise ExportError(f"{path}: its cameras differ in size: {sorted(sizes)}")
+    return Facts(
+        source=_relative(path, dataset),
+        spec=episode.spec,
+        fps=file.fps,
+        log=log,
+        target=target,
+        instruction=choose_instruction(episode.spec, seen),
+        seen=seen,
+        unseen=unseen,
+        motion=episode.motion,
+        meta=dict(episode.meta),
+        cameras=episode.cameras,
+        size=sizes.pop(),
+    )
+
+
+def _relative(path: Path, dataset: Path) -> str:
+    path, dataset = path.absolute(), dataset.absolute()
+    return path.relative_to(dataset).as_posix() if path.is_relative_to(dataset) else path.name
+
+
+def same(first: Facts, facts: Facts) -> None:
+    """Raise ExportError unless two episodes fit into one dataset: the same fps, cameras, picture size and joint names."""
+    pairs = {
+        "fps": (first.fps, facts.fps),
+        "cameras": (first.cameras, facts.cameras),
+        "picture size": (first.size, facts.size),
+        "joint names": (first.log.vector_names, facts.log.vector_names),
+    }
+    for name, (want, got) in pairs.items():
+        if want != got:
+            raise ExportError(f"{facts.source}: {name} {got} differs from {want} of {first.source}; export them separately")
+
+
+def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
+    """(frame, name, time s) of every event, in time order: the first frame at or after it, the one whose state has felt it.
+
+    An event later than the last frame is given to the last frame.
+    """
+    rows = []
+    for event in sorted(facts.log.events, key=lambda e: (e.time, e.name)):
+        frame = int(np.searchsorted(facts.log.times, event.time - CLOCK_TOLERANCE))
+        rows.append((min(frame, len(facts) - 1), event.name, event.time))
+    return rows
+
+
+def scalars(facts: Facts) -> dict[str, Any]:
+    """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata."""
+    spec, log = facts.spec, facts.log
+    return {
+        "task": spec.task,
+        "embodiment": spec.embodiment,
+        "level": spec.level,
+        "alpha": float(spec.alpha),
+        "domain": spec.domain,
+        "slot": spec.slot,
+        "seed": spec.seed,
+        "T_meet": _time(log, "meeting"),
+        "T_release": _time(log, "release"),
+        "T_success": _time(log, "success"),
+        "speed_max": float(np.linalg.norm(log.target_velocity, axis=1).max()),
+        "target": str(facts.meta.get("target", "")),
+        "arms": "+".join(facts.meta.get("arms", [])),
+        "code_version": str(facts.meta.get("code_version", "")),
+        "source": facts.source,
+    }
+
+
+def _time(log: StateLog, event: str) -> float | None:
+    """Seconds from the first frame to the first event of that name, None where there was none."""
+    time = log.time_of(event)
+    return None if time is None else float(time - log.times[0])
+
+
+SCALAR_TYPES = {
+    **dict.fromkeys(("task", "embodiment", "domain", "target", "arms", "code_version", "source"), pa.string()),
+    **dict.fromkeys(("level", "slot", "seed"), pa.int64()),
+    **dict.fromkeys(("alpha", "T_meet", "T_release", "T_success", "speed_max"), pa.float64()),
+}
+
+PROVENANCE_SCHEMA = pa.schema(
+    [("episode_index", pa.int64()), ("length", pa.int64()), *SCALAR_TYPES.items()]
+    + [("instruction", pa.string()), ("instructions_seen", pa.list_(pa.string())), ("instructions_unseen", pa.list_(pa.string()))]
+    + [("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())]
+)
+
+
+def provenance(index: int, facts: Facts) -> dict[str, Any]:
+    """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
+    return {
+        "episode_index": index,
+        "length": len(facts),
+        **scalars(facts),
+        "instruction": facts.instruction,
+        "instructions_seen": facts.seen,
+        "instructions_unseen": facts.unseen,
+        "motion": facts.motion,
+        "objects": json.dumps(facts.meta.get("objects", {}), sort_keys=True),
+        "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+    }
+
+
+def write_provenance(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Rows of `provenance` as one Parquet file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.Table.from_pylist(rows, schema=PROVENANCE_SCHEMA), path, compression="zstd")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Indented JSON, keys sorted, newline at the end."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n")
+
+
+def size_of(directory: Path) -> int:
+    """Bytes of all files under a directory."""
+    return sum(p.stat().st_size for p in directory.rglob("*") if p.is_file())
+
+
+@contextmanager
+def staged(out: Path, dataset: Path) -> Iterator[Path]:
+    """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
+
+    An existing export at `out` is replaced only then. Raises ExportError where `out` is something else than an export, contains
+    the dataset, or the disk refuses.
+    """
+    out = Path(os.path.abspath(out))
+    if out.exists() and not out.is_dir():
+        raise ExportError(f"{out}: is a file; name a directory")
+    if Path(os.path.abspath(dataset)).is_relative_to(out):
+        raise ExportError(f"{out}: holds the dataset itself; name another directory")
+    old = out.with_name(f".{out.name}.old")
+    if old.exists() and not out.exists():
+        os.rename(old, out)  # a run was killed between the two renames below
+    if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
+        raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(out)
+        temporary = out.with_name(f".{out.name}.{socket.gethostname()}.{os.getpid()}.tmp")
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir()
+    except OSError as error:
+        raise ExportError(f"{out}: cannot be written ({error})") from error
+    try:
+        yield temporary
+        shutil.rmtree(old, ignore_errors=True)
+        if out.exists():
+            os.rename(out, old)
+        os.rename(temporary, out)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise ExportError(f"{out}: cannot be written ({error})") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _sweep(out: Path) -> None:
+    """Remove what killed exports of this host left behind."""
+    for left in out.parent.glob(f".{out.name}.{socket.gethostname()}.*.tmp"):
+        pid = left.name.split(".")[-2]
+        if pid.isdigit() and int(pid) != os.getpid():
+            with suppress(PermissionError):
+                try:
+                    os.kill(int(pid), 0)
+                except ProcessLookupError:
+                    shutil.rmtree(left, ignore_errors=True)

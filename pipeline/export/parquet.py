@@ -1,0 +1,189 @@
+"""Flat Parquet: one row a frame, pictures as the JPEG bytes of the episode file, one row group an episode.
+
+    data-00000.parquet ...   about FILE_BYTES each
+    episodes.parquet         one row an episode: `common.PROVENANCE_SCHEMA`
+    export.json              the summary
+
+`state` and `action` are lists of the embodiment's own width; their joint names are in the schema metadata, key "domino".
+A picture is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset("parquet", data_files="OUT/data-*.parquet")`
+decodes them; everything else reads the bytes.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.episode import EpisodeFile
+from pipeline.export.common import (
+    SUMMARY,
+    ExportError,
+    Facts,
+    Progress,
+    camera_label,
+    event_frames,
+    ordered,
+    provenance,
+    read_facts,
+    reading,
+    same,
+    size_of,
+    staged,
+    write_json,
+    write_provenance,
+)
+
+FILE_BYTES = 200 * 1024 * 1024
+PICTURE = pa.struct({"bytes": pa.binary(), "path": pa.string()})  # what Hugging Face datasets stores an image as
+VECTORS = ("state", "action", "target_pose", "target_velocity", "tcp_left", "tcp_right")
+CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64(), "alpha": pa.float64(), "domain": pa.string()} | {
+    "slot": pa.int64(),
+    "seed": pa.int64(),
+    "instruction": pa.string(),
+}
+
+
+def image_column(camera: str) -> str:
+    """Column of a camera's JPEG bytes: "left_camera" -> "image_left_wrist"."""
+    return f"image_{camera_label(camera)}"
+
+
+def _schema(fps: int, cameras: Sequence[str], names: dict[str, list[str]]) -> pa.Schema:
+    """The schema with fps, joint names by embodiment and the Hugging Face feature of every column in its metadata."""
+    columns: dict[str, pa.DataType] = {"episode_index": pa.int64(), "frame_index": pa.int64(), "timestamp": pa.float64()}
+    columns |= CONSTANTS
+    columns |= dict.fromkeys(VECTORS, pa.list_(pa.float32()))
+    columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
+    columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
+    images = {image_column(c): PICTURE for c in cameras}
+    schema = pa.schema([*columns.items(), *images.items()])
+    features = {field.name: _feature(field.type) for field in schema}
+    metadata = {
+        "huggingface": json.dumps({"info": {"features": features}}),
+        "domino": json.dumps({"fps": fps, "cameras": [image_column(c) for c in cameras], "names": names}, sort_keys=True),
+    }
+    return schema.with_metadata(metadata)
+
+
+def _feature(kind: pa.DataType) -> dict[str, Any]:
+    """The Hugging Face feature of an Arrow type."""
+    if kind == PICTURE:
+        return {"_type": "Image"}
+    if isinstance(kind, pa.ListType):
+        return {"feature": _feature(kind.value_type), "_type": "List"}
+    return {"dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)), "_type": "Value"}
+
+
+def _table(index: int, facts: Facts, file: EpisodeFile, schema: pa.Schema) -> pa.Table:
+    frames, log = len(facts), facts.log
+    spec = {name: getattr(facts.spec, name) for name in CONSTANTS if name != "instruction"} | {"instruction": facts.instruction}
+    columns: dict[str, Any] = {name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()}
+    columns["episode_index"] = np.full(frames, index)
+    columns["frame_index"] = np.arange(frames)
+    columns["timestamp"] = log.times - log.times[0]
+    values = (log.state, log.action, facts.target, log.target_velocity, log.tcp[:, 0], log.tcp[:, 1])
+    for name, value in zip(VECTORS, values, strict=True):
+        columns[name] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
+    names: list[list[str]] = [[] for _ in range(frames)]
+    times: list[list[float]] = [[] for _ in range(frames)]
+    for frame, name, time in event_frames(facts):
+        names[frame].append(name)
+        times[frame].append(time - float(log.times[0]))
+    columns["events"], columns["event_times"] = names, times
+    columns["is_first"] = np.arange(frames) == 0
+    columns["is_last"] = np.arange(frames) == frames - 1
+    for camera in facts.cameras:
+        coded = file.array(f"observation/{camera}/rgb").tolist()
+        columns[image_column(camera)] = pa.array([{"bytes": jpeg, "path": None} for jpeg in coded], PICTURE)
+    return pa.table({name: columns[name] for name in schema.names}, schema=schema)
+
+
+def export_parquet(
+    dataset: Path, out: Path, episodes: Sequence[Path], *, progress: Progress = None, file_bytes: int = FILE_BYTES
+) -> dict[str, Any]:
+    """Write `out` from the episodes in path order; `progress(1)` after each. Returns the summary that export.json holds.
+
+    Mixed embodiments share the files. Raises ExportError for unreadable episodes, and for episodes that differ in fps or cameras.
+    """
+    paths = ordered(episodes)
+    with staged(out, dataset) as folder:
+        firsts = _firsts(paths, dataset)
+        reference = next(iter(firsts.values()))
+        schema = _schema(reference.fps, reference.cameras, {name: list(f.log.vector_names) for name, f in firsts.items()})
+        images = [image_column(c) for c in reference.cameras]
+        writer: pq.ParquetWriter | None = None
+        files, frames, rows = 0, 0, []
+        try:
+            for index, path in enumerate(paths):
+                with reading(path) as file:
+                    facts = read_facts(file, dataset)
+                    same(firsts[facts.spec.embodiment], facts)
+                    table = _table(index, facts, file, schema)
+                if writer is None:
+                    writer = _writer(folder / f"data-{files:05d}.parquet", schema, images)
+                    files += 1
+                writer.write_table(table, row_group_size=len(table))
+                frames += len(table)
+                rows.append(provenance(index, facts))
+                if (folder / f"data-{files - 1:05d}.parquet").stat().st_size >= file_bytes:
+                    writer.close()
+                    writer = None
+                if progress:
+                    progress(1)
+        finally:
+            if writer is not None:
+                writer.close()
+        write_provenance(folder / "episodes.parquet", rows)
+        summary = {"format": "parquet", "episodes": len(paths), "frames": frames, "files": files, "fps": reference.fps}
+        summary |= {"embodiments": sorted(firsts), "bytes": size_of(folder)}
+        write_json(folder / SUMMARY, summary)
+    return summary
+
+
+def _writer(path: Path, schema: pa.Schema, images: list[str]) -> pq.ParquetWriter:
+    # JPEG bytes neither compress nor repeat
+    codecs = {name: "ZSTD" for name in schema.names if name not in images} | {f"{name}.bytes": "NONE" for name in images}
+    return pq.ParquetWriter(path, schema, compression=codecs, use_dictionary=[*CONSTANTS])
+
+
+def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
+    """Embodiment -> its first episode; raises ExportError where two of these differ in fps or cameras."""
+    firsts: dict[str, Facts] = {}
+    for path in paths:
+        with reading(path) as file:
+            if file.spec.embodiment not in firsts:
+                firsts[file.spec.embodiment] = read_facts(file, dataset)
+    reference, *others = firsts.values()
+    for other in others:
+        for name, want, got in (("fps", reference.fps, other.fps), ("cameras", reference.cameras, other.cameras)):
+            if want != got:
+                raise ExportError(f"{other.source}: {name} {got} differs from {want} of {reference.source}; export them separately")
+    return firsts
+
+
+def check_parquet(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
+    """Compare an export with its episodes, value by value and byte by byte; returns the problems found, [] when all is well."""
+    paths = ordered(episodes)
+    files = sorted(out.glob("data-*.parquet"))
+    problems: list[str] = []
+    try:
+        groups = [(f, i) for f in files for i in range(pq.read_metadata(f).num_row_groups)]
+    except (OSError, pa.ArrowException) as error:
+        return [f"{out}: {error}"]
+    if len(groups) != len(paths):
+        problems.append(f"{out}: has {len(groups)} row groups for {len(paths)} episodes")
+    for index, (path, (name, group)) in enumerate(zip(paths, groups, strict=False)):
+        with reading(path) as file:
+            facts = read_facts(file, dataset)
+            with pq.ParquetFile(name) as source:
+                got = source.read_row_group(group)
+            want = _table(index, facts, file, got.schema)
+        if len(got) != len(want):
+            problems.append(f"{path}: {len(got)} rows for {len(want)} frames")
+            continue
+        problems += [f"{path}: column {c} differs" for c in want.column_names if not got[c].equals(want[c])]
+    return problems

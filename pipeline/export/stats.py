@@ -1,0 +1,61 @@
+"""Exact statistics in the form LeRobot stores them: min, max, mean, std, count and the quantiles q01 q10 q50 q90 q99.
+
+LeRobot estimates quantiles from histograms of 5,000 bins and, over a dataset, as means of the episodes' quantiles. These are
+computed from all values: the smallest value x with F(x) >= q, which is what its histogram approximates.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+Stats = dict[str, NDArray[Any]]
+
+
+def vector_stats(values: NDArray[Any]) -> Stats:
+    """Statistics of (N,) or (N,d) values over N; each entry has shape (1,) or (d,)."""
+    columns = values.reshape(len(values), -1)
+    wide = columns.astype(np.float64)
+    quantiles = np.stack([np.quantile(c, QUANTILES, method="inverted_cdf") for c in wide.T], axis=1)
+    return {
+        "min": wide.min(0),
+        "max": wide.max(0),
+        "mean": wide.mean(0),
+        "std": wide.std(0),
+        "count": np.array([len(values)]),
+        **{f"q{round(100 * q):02d}": row for q, row in zip(QUANTILES, quantiles, strict=True)},
+    }
+
+
+def sample_rows(length: int) -> NDArray[np.int64]:
+    """Frames that enter the picture statistics, LeRobot's rule: max(min(100, N), min(N^0.75, 10000)) evenly spaced ones."""
+    count = max(min(100, length), min(int(length**0.75), 10_000))
+    return np.round(np.linspace(0, length - 1, count)).astype(np.int64)
+
+
+def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
+    """How often each value occurs, (3,256), in pictures (H,W,3); large ones are thinned by LeRobot's rule (about 150 pixels wide)."""
+    height, width = frames[0].shape[:2]
+    step = 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
+    thin = np.stack([f[::step, ::step] for f in frames])
+    return np.stack([np.bincount(thin[..., c].ravel(), minlength=256) for c in range(3)])
+
+
+def picture_stats(counts: NDArray[np.int64], frames: int) -> Stats:
+    """Statistics (3,1,1) of colours in 0-1 from counts (3,256); `count` is the number of pictures, as LeRobot has it."""
+    values = np.arange(256) / 255.0
+    total = counts.sum(1)
+    mean = counts @ values / total
+    present = counts > 0
+    below = np.cumsum(counts, axis=1)
+    out = {
+        "min": values[present.argmax(1)],
+        "max": values[255 - present[:, ::-1].argmax(1)],
+        "mean": mean,
+        "std": np.sqrt(np.maximum(counts @ values**2 / total - mean**2, 0.0)),
+    }
+    for q in QUANTILES:
+        out[f"q{round(100 * q):02d}"] = values[(below >= q * total[:, None]).argmax(1)]
+    return {**{k: v.reshape(3, 1, 1) for k, v in out.items()}, "count": np.array([frames])}

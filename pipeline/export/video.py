@@ -1,0 +1,106 @@
+"""Video files of a LeRobot dataset: each episode encoded on its own with one thread, then appended to a file without re-encoding.
+
+Encoding an episode alone makes its packets a function of its frames only, so files are the same whatever ran beside, and every
+episode starts with a key frame. Nothing is dropped and nothing is written twice.
+"""
+
+import io
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import av.container
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Codec:
+    """Encoder settings, LeRobot's own defaults: AV1, a key frame every second frame so that random access is cheap.
+
+    `name` is libsvtav1, h264 or hevc; lower `crf` is better and larger. `preset` None means 12 for libsvtav1 and veryfast else.
+    """
+
+    name: str = "libsvtav1"
+    crf: int = 30
+    gop: int = 2
+    preset: str | None = None
+    pix_fmt: str = "yuv420p"
+
+    def options(self) -> dict[str, str]:
+        """Options for libav; one thread, so that the same frames give the same bytes."""
+        preset = self.preset or ("12" if self.name == "libsvtav1" else "veryfast")
+        threads = {"svtav1-params": "fast-decode=0:lp=1"} if self.name == "libsvtav1" else {"threads": "1"}
+        return {"g": str(self.gop), "crf": str(self.crf), "preset": preset, **threads}
+
+
+def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes:
+    """RGB frames (H,W,3) uint8, H and W even -> a complete mp4 with one picture per frame, presented at k / fps seconds."""
+    os.environ.setdefault("SVT_LOG", "1")  # errors only
+    buffer = io.BytesIO()
+    with av.open(buffer, "w", format="mp4") as container:
+        stream: Any = None
+        for rgb in frames:
+            if stream is None:
+                stream = container.add_stream(codec.name, fps, options=codec.options())
+                stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], codec.pix_fmt, 1
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+        container.mux(stream.encode())
+    return buffer.getvalue()
+
+
+def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """(time s, RGB picture) of every frame of a video, in order."""
+    with av.open(path if isinstance(path, io.BytesIO) else str(path)) as container:
+        stream = container.streams.video[0]
+        stream.thread_count = 1
+        for frame in container.decode(stream):
+            assert frame.pts is not None and frame.time_base is not None
+            yield float(frame.pts * frame.time_base), frame.to_ndarray(format="rgb24")
+
+
+@dataclass
+class VideoFile:
+    """An mp4 that grows by episodes; `frames` and `size` (bytes of packets) tell when to begin another. Close it once."""
+
+    path: Path
+    fps: int
+    frames: int = 0
+    size: int = 0
+    _output: av.container.OutputContainer | None = field(default=None, repr=False)
+    _stream: Any = field(default=None, repr=False)
+
+    def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
+        """Add an episode encoded by `encode`, which has `frames` pictures; returns where it starts and ends in the file, in s.
+
+        Raises ValueError when the video does not hold that many pictures.
+        """
+        with av.open(io.BytesIO(mp4)) as source:
+            template = source.streams.video[0]
+            if self._output is None:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                self._output = av.open(str(self.path), "w", format="mp4", options={"movflags": "faststart"})
+                self._stream = self._output.add_stream_from_template(template, opaque=True)
+                self._stream.time_base = template.time_base
+            packets = [p for p in source.demux(template) if p.dts is not None]
+            if len(packets) != frames:
+                raise ValueError(f"the encoder returned {len(packets)} pictures for {frames} frames")
+            tick = Fraction(1, self.fps) / Fraction(template.time_base or 1)
+            for packet in packets:
+                packet.pts, packet.dts = int(packet.pts + self.frames * tick), int(packet.dts + self.frames * tick)
+                packet.stream = self._stream
+                self.size += packet.size
+                self._output.mux(packet)
+        start = self.frames / self.fps
+        self.frames += frames
+        return start, self.frames / self.fps
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._output is not None:
+            self._output.close()
+            self._output = None
