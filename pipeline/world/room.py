@@ -1,0 +1,91 @@
+"""The fixed surroundings as meshes in the world frame: table, floor, the wall behind it and a plain room around."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.world.shapes import Material, Mesh
+from pipeline.world.textures import texture
+from pipeline.world.visuals import Surface, Visuals
+
+TABLE_SIZE = (1.2, 0.7)  # m, x and y
+TABLE_TOP = 0.74
+TABLE_THICKNESS = 0.05
+LEG_WIDTH = 0.05
+WALL_Y = 1.0
+ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
+
+
+def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
+    """Rectangle from a corner and two edge vectors (m), normal u x v, one texture tile every `tile` metres."""
+    corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
+    n = np.cross(u, v)
+    n = n / np.linalg.norm(n)
+    size = np.array([np.linalg.norm(u), np.linalg.norm(v)]) / tile
+    return Mesh(
+        np.array([corner, corner + u, corner + u + v, corner + v], np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+        np.tile(n, (4, 1)).astype(np.float32),
+        (np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size).astype(np.float32),
+    )
+
+
+def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
+    """Axis-aligned box with flat faces, from its centre and half extents (m); uvs in metres / `tile`."""
+    x, y, z = np.asarray(half, float)[:, None] * np.eye(3)
+    c = np.asarray(centre, float)
+    sides = [(c + s * n, s * 2 * u, 2 * v) for n, u, v in ((x, y, z), (y, z, x), (z, x, y)) for s in (1, -1)]
+    return merge([quad(face - u / 2 - v / 2, u, v, tile) for face, u, v in sides])
+
+
+def merge(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several; where any has uvs, the others get zeros."""
+    offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
+    textured = any(m.uvs is not None for m in meshes)
+    uvs = [np.zeros((len(m.vertices), 2), np.float32) if m.uvs is None else m.uvs for m in meshes]
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]).astype(np.float32),
+        np.concatenate([m.triangles + o for m, o in zip(meshes, offsets, strict=True)]).astype(np.uint32),
+        np.concatenate([m.normals for m in meshes]).astype(np.float32),
+        np.concatenate(uvs).astype(np.float32) if textured else None,
+    )
+
+
+def surface_material(surface: Surface, roughness: float) -> Material:
+    """Material of a visuals surface; its texture is computed here (a few milliseconds)."""
+    return Material(surface.color, roughness, 0.0, texture(surface.pattern, surface.seed, surface.color))
+
+
+def table(tile: float) -> tuple[Mesh, Mesh]:
+    """Table top and its four legs."""
+    hx, hy = TABLE_SIZE[0] / 2, TABLE_SIZE[1] / 2
+    leg = (TABLE_TOP - TABLE_THICKNESS) / 2
+    top = box((0, 0, TABLE_TOP - TABLE_THICKNESS / 2), (hx, hy, TABLE_THICKNESS / 2), tile)
+    inset = 0.05 + LEG_WIDTH / 2
+    legs = [
+        box((sx * (hx - inset), sy * (hy - inset), leg), (LEG_WIDTH / 2, LEG_WIDTH / 2, leg)) for sx in (-1, 1) for sy in (-1, 1)
+    ]
+    return top, merge(legs)
+
+
+def room(visuals: Visuals) -> list[tuple[Mesh, Material]]:
+    """Everything that is background in every picture, with materials."""
+    (x0, y0, z0), (x1, y1, z1) = ROOM
+    w, d, h = x1 - x0, y1 - y0, z1 - z0
+    top, legs = table(visuals.table.tile)
+    others = merge(
+        [
+            quad((x1, y0, z0), (-w, 0, 0), (0, 0, h), 1.0),
+            quad((x0, y0, z0), (0, d, 0), (0, 0, h), 1.0),
+            quad((x1, y1, z0), (0, -d, 0), (0, 0, h), 1.0),
+            quad((x0, y1, z1), (w, 0, 0), (0, -d, 0), 1.0),
+        ]
+    )
+    return [
+        (top, surface_material(visuals.table, 0.45)),
+        (legs, Material((0.34, 0.34, 0.36), 0.5)),
+        (quad((x0, y1, z0), (w, 0, 0), (0, 0, h), visuals.wall.tile), surface_material(visuals.wall, 0.85)),
+        (quad((x0, y0, z0), (w, 0, 0), (0, d, 0), visuals.ground.tile), surface_material(visuals.ground, 0.7)),
+        (others, Material(visuals.wall.color, 0.9)),
+    ]

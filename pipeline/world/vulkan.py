@@ -1,0 +1,66 @@
+"""Choose a Vulkan driver before SAPIEN renders for the first time: a GPU where one works, else Mesa lavapipe on the CPU."""
+
+import os
+import platform
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+ICD_FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+ADVICE = "install Mesa lavapipe >= 25 (Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers)"
+
+_PROBE = "import sapien; print(sapien.render.get_device_summary())"
+
+
+class NoRenderer(RuntimeError):
+    """No Vulkan device that SAPIEN can draw with; the message says how to get one."""
+
+
+@cache
+def ensure_renderer() -> str:
+    """Make rendering possible in this process and return the device name, e.g. "llvmpipe (LLVM 15.0.6, 256 bits)".
+
+    A driver the user chose (VK_ICD_FILENAMES or VK_DRIVER_FILES) is kept. Without one, and without a GPU that SAPIEN supports,
+    VK_ICD_FILENAMES is set to the lavapipe driver and LP_NUM_THREADS to 1 unless it is set (one worker per core scales, one worker
+    with many threads does not). Call it before anything of `sapien.render` is used. Raises NoRenderer.
+    """
+    chosen = os.environ.get("VK_ICD_FILENAMES") or os.environ.get("VK_DRIVER_FILES")
+    if not chosen and not _gpu_works():
+        icd = _lavapipe_icd()
+        if icd is None:
+            raise NoRenderer(f"no Vulkan device to draw with: {ADVICE}")
+        os.environ["VK_ICD_FILENAMES"] = str(icd)
+    os.environ.setdefault("LP_NUM_THREADS", "1")
+    import sapien  # after the environment is settled: the driver is chosen at the first use
+
+    try:
+        return sapien.render.RenderSystem().device.name
+    except RuntimeError as error:
+        raise NoRenderer(f"no Vulkan device to draw with ({error}): {ADVICE}") from error
+
+
+def _lavapipe_icd() -> Path | None:
+    found = sorted(path for folder in ICD_FOLDERS for path in folder.glob("lvp_icd*.json"))
+    return min(found, key=lambda path: platform.machine() not in path.name, default=None)
+
+
+def _gpu_works() -> bool:
+    """Whether SAPIEN lists a supported device that is not a software one; asked in a subprocess, so that a crash stays there."""
+    nodes = [*Path("/dev").glob("nvidia[0-9]*"), *Path("/dev/dri").glob("renderD*"), *Path("/dev").glob("dxg")]
+    if not nodes:
+        return False
+    try:
+        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=60, check=True)
+    except (subprocess.SubprocessError, OSError):
+        return False
+    return hardware_device(probe.stdout)
+
+
+def hardware_device(summary: str) -> bool:
+    """Whether SAPIEN's device summary (text) lists a supported device other than a software rasteriser."""
+    for block in summary.split("GPU:")[1:]:
+        name, _, rest = block.partition("\n")
+        if "llvmpipe" not in name.lower() and "swiftshader" not in name.lower() and "Supported: 1" in rest:
+            return True
+    return False
