@@ -1,0 +1,118 @@
+"""Which candidates of a batch are acceptable, and the first reason why each of the others is not."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.motion.levels import Paths
+from pipeline.motion.polynomials import derivative, evaluate, quadrature
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.motion.workspace import Workspace
+
+# Level 3 must turn or change pace by a fifth of alpha at one breakpoint at least: a turn of 11 degrees at full speed, and at
+# alpha 0.1 m/s about one pixel per frame in the head camera. A smaller step looks like level 2 and would be mislabelled.
+ABRUPT = 0.2
+# Level 1 is often clipped to exactly alpha, which its arithmetic then returns give or take some 1e-16.
+SPEED_ROUNDING = 1e-9
+NODES = 24
+REASONS = ("end_outside", "miss", "smooth", "speed", "end_speed", "workspace", "tail", "visibility", "blocked")
+
+Array = NDArray[np.float64]
+Visible = Callable[[Array], NDArray[np.bool_]]
+SpeedBound = Literal["average", "maximum"]
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a path must keep to: see `draw_motion`. `end` (3,) in m; `total` is lead + duration in s. Raises ValueError for an
+    unknown speed bound and a tail or end speed limit that is negative or not finite."""
+
+    workspace: Workspace
+    end: Array
+    level: int
+    alpha: float
+    total: float
+    speed_bound: SpeedBound = "average"
+    end_speed_limit: float | None = None
+    tail: float = 0.0
+    visible: Visible | None = None
+
+    def __post_init__(self) -> None:
+        if self.speed_bound not in get_args(SpeedBound):
+            raise ValueError(f"speed_bound {self.speed_bound!r} is unknown: use {' or '.join(get_args(SpeedBound))}")
+        for name, value in (("tail", self.tail), ("end_speed_limit", self.end_speed_limit or 0.0)):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative: {value}")
+
+
+def judge(paths: Paths, limits: Limits) -> NDArray[np.object_]:
+    """First reason (N,) against each path, "" for none; cheap checks first, `limits.visible` only for the paths they leave."""
+    speeds = _speeds(paths, limits.total)
+    points = _samples(paths)
+    last = limits.end[:2] + speeds.end_velocity * limits.tail
+    speed = speeds.average if limits.speed_bound == "average" else speeds.maximum
+    checks = {
+        "miss": ~paths.missed,
+        "speed": speed <= limits.alpha * (1 + SPEED_ROUNDING),
+        "workspace": limits.workspace.guarded(limits.end[:2]).contains(points).all(-1),
+        "tail": limits.workspace.contains(last),
+    }
+    if limits.level == 3:
+        checks["smooth"] = speeds.abrupt >= ABRUPT * limits.alpha
+    if limits.end_speed_limit is not None:
+        checks["end_speed"] = np.linalg.norm(speeds.end_velocity, axis=-1) <= limits.end_speed_limit
+    reasons = np.full(len(paths.missed), "", dtype=object)
+    for reason in (r for r in REASONS if r in checks):
+        reasons[(reasons == "") & ~checks[reason]] = reason
+    left = np.flatnonzero(reasons == "")
+    if limits.visible is not None and len(left):
+        xy = np.concatenate([points[left], last[left, None]], axis=1)
+        seen = limits.visible(np.concatenate([xy, np.full((*xy.shape[:2], 1), limits.end[2])], axis=-1))
+        reasons[left[~np.asarray(seen, bool)]] = "visibility"
+    return reasons
+
+
+def exact_reason(motion: TargetMotion, limits: Limits) -> str:
+    """What the samples of `judge` let slip by a hair, from closed forms of speed and extent; "" for nothing."""
+    speed = motion.average_speed() if limits.speed_bound == "average" else motion.maximum_speed()
+    if speed > limits.alpha * (1 + SPEED_ROUNDING):
+        return "speed"
+    inside = limits.workspace.guarded(limits.end[:2]).contains(np.stack(motion.extent())).all()
+    return "" if inside else "workspace"
+
+
+@dataclass(frozen=True, eq=False)
+class _Speeds:
+    """Of N paths in m/s: average (N,), maximum (N,), greatest jump at a breakpoint (N,), velocity at the end (N, 2)."""
+
+    average: Array
+    maximum: Array
+    abrupt: Array
+    end_velocity: Array
+
+
+def _speeds(paths: Paths, total: float) -> _Speeds:
+    slopes = derivative(paths.coefficients)
+    used = paths.durations > 0
+    spans = np.where(used, paths.durations, np.inf)[..., None]
+    speed = np.linalg.norm(evaluate(slopes[:, :, None], _nodes()[:, None]), axis=-1)
+    average = (speed[..., 1:-1] * quadrature(NODES)[1]).sum((-1, -2)) / total
+    leaving, entering = evaluate(slopes, 1.0) / spans, evaluate(slopes, 0.0) / spans
+    jumps = np.where(used[:, 1:], np.linalg.norm(entering[:, 1:] - leaving[:, :-1], axis=-1), 0.0)
+    rows = np.arange(len(used))
+    return _Speeds(average, (speed / spans).max((-1, -2)), jumps.max(-1, initial=0.0), leaving[rows, used.sum(-1) - 1])
+
+
+def _samples(paths: Paths) -> Array:
+    """Points (N, K, 2) along the paths; pieces that a path does not use repeat its end."""
+    points = evaluate(paths.coefficients[:, :, None], _nodes()[:, None])
+    used = paths.durations > 0
+    ends = points[np.arange(len(used)), used.sum(-1) - 1, -1]
+    return np.where(used[..., None, None], points, ends[:, None, None]).reshape(len(points), -1, 2)
+
+
+def _nodes() -> Array:
+    return np.concatenate([[0.0], quadrature(NODES)[0], [1.0]])

@@ -1,0 +1,125 @@
+"""Candidates for the motion of levels 1, 2 and 3, drawn in batches after appendix D.3 of the paper.
+
+Each function draws `n` paths that end at `end` and last `total` seconds. Nothing is judged here except whether a path misses its
+end; `back_calculate` rejects.
+
+The paper draws start and intermediate points uniformly over the workspace and then rejects paths longer than alpha * total. A
+point further than that from the end can never be accepted, so these points are drawn uniformly over the part of the workspace
+within that distance: the paper's distribution conditioned on what acceptance needs anyway (for level 3 given the number and kinds
+of its pieces). In a workspace of 0.7 x 0.4 m the plain draw accepts one level 3 candidate in 400 at alpha 0.1 m/s and 1.5 s and
+one in 2000 at 0.05 m/s, which is too rare for 1000 tries; drawn within reach it is one in 80 and one in 130.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.motion.polynomials import interpolation
+from pipeline.motion.workspace import Workspace, draw_within_reach
+
+TERMS = 5
+MAX_PIECES = 3
+# A piece of Dirichlet length near zero is a teleport that no frame shows. 0.1 s is one and a half recorded frames.
+SHORTEST_PIECE = 0.1
+MISS = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """A batch of N candidate paths with up to S pieces.
+
+    `durations` (N, S) in s, 0 for pieces that a path does not use (always its last ones); `coefficients` (N, S, 2, 5) ascending, of
+    x and y in m over each piece's normalised time; `missed` (N,) says that a path does not end at the wanted end.
+    """
+
+    durations: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+    missed: NDArray[np.bool_]
+
+
+def draw_level_1(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
+    """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s (to alpha where alpha < 0.01), any direction;
+    the start is end - velocity * total."""
+    end = np.asarray(end, float)
+    speed = np.clip(np.abs(rng.normal(0.8 * alpha, alpha / 3, n)), min(0.01, alpha), alpha)
+    angle = rng.uniform(0.0, 2 * np.pi, n)
+    travel = (speed * total)[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    c = np.zeros((n, 1, 2, TERMS))
+    c[:, 0, :, 0], c[:, 0, :, 1] = end - travel, travel
+    return Paths(np.full((n, 1), total), c, np.zeros(n, bool))
+
+
+def draw_level_2(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
+    """One polynomial of degree 2-4 through 3-5 control points; inner ones lie beside the chord by up to 0.1 m per axis."""
+    end = np.asarray(end, float)
+    start = draw_within_reach(rng, n, workspace, end, alpha * total)
+    c = _curve(rng, start, np.broadcast_to(end, (n, 2)), (3, 4, 5), 0.1, workspace)
+    return Paths(np.full((n, 1), total), c[:, None], np.zeros(n, bool))
+
+
+def draw_level_3(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
+    """Two or three pieces with Dirichlet(1) durations, each of constant velocity (0.2, clamped to alpha) or a polynomial of degree
+    2-3 (0.8, inner points beside the chord by up to 0.08 m per axis).
+
+    No piece is shorter than 0.1 s (total/6 for very short motions): a uniform draw on the smaller simplex, which is Dirichlet(1)
+    conditioned on it. A clamped intermediate piece ends short of its target and the next one starts there; a clamped last piece
+    has missed. Since a clamped piece may aim at any point, its target is drawn over the whole workspace.
+    """
+    end = np.asarray(end, float)
+    count = rng.integers(2, MAX_PIECES + 1, n)
+    durations = _durations(rng, count, total)
+    straight = rng.random((n, MAX_PIECES)) < 0.2
+    current = draw_within_reach(rng, n, workspace, end, alpha * total)
+    c = np.zeros((n, MAX_PIECES, 2, TERMS))
+    missed = np.zeros(n, bool)
+    for i in range(MAX_PIECES):
+        near = draw_within_reach(rng, n, workspace, end, alpha * total)
+        anywhere = rng.uniform(workspace.lower, workspace.upper, (n, 2))
+        final = (count - 1 <= i)[:, None]
+        target = np.where(final, end, np.where(straight[:, i, None], anywhere, near))
+        way = target - current
+        length = np.linalg.norm(way, axis=-1)
+        way *= np.minimum(1.0, alpha * durations[:, i] / np.where(length > 0, length, 1.0))[:, None]
+        line = np.zeros((n, 2, TERMS))
+        line[..., 0], line[..., 1] = current, way
+        curve = _curve(rng, current, target, (3, 4), 0.08, workspace)
+        c[:, i] = np.where(straight[:, i, None, None], line, curve)
+        reached = np.where(straight[:, i, None], current + way, target)
+        used = i < count
+        missed |= used & (i == count - 1) & (np.linalg.norm(reached - end, axis=-1) > MISS)
+        c[:, i] *= used[:, None, None]
+        current = reached
+    return Paths(durations, c, missed)
+
+
+DRAW: dict[int, Callable[..., Paths]] = {1: draw_level_1, 2: draw_level_2, 3: draw_level_3}
+
+
+def _curve(
+    rng: np.random.Generator, start: NDArray, end: NDArray, sizes: tuple[int, ...], noise: float, workspace: Workspace
+) -> NDArray[np.float64]:
+    """Coefficients (n, 2, 5) of curves from `start` to `end` (n, 2) through a number of control points drawn from `sizes`."""
+    n = len(start)
+    size = rng.choice(sizes, n)
+    offsets = rng.uniform(-noise, noise, (n, max(sizes) - 2, 2))
+    c = np.zeros((n, 2, TERMS))
+    for k in sizes:
+        rows = np.flatnonzero(size == k)
+        along = (np.arange(1, k - 1) / (k - 1))[:, None]
+        a, b = start[rows, None], end[rows, None]
+        inner = workspace.clip(a + along * (b - a) + offsets[rows, : k - 2])
+        points = np.concatenate([a, inner, b], axis=1)
+        c[rows, :, :k] = np.einsum("ij,njd->ndi", interpolation(k), points)
+    return c
+
+
+def _durations(rng: np.random.Generator, count: NDArray[np.int64], total: float) -> NDArray[np.float64]:
+    """Durations (n, 3) in s with sum `total`; pieces beyond a row's `count` get 0."""
+    used = np.arange(MAX_PIECES) < count[:, None]
+    # independent exponentials over their sum are Dirichlet(1)
+    share = rng.exponential(size=used.shape) * used
+    share /= share.sum(-1, keepdims=True)
+    floor = min(SHORTEST_PIECE, total / (2 * MAX_PIECES))
+    return (floor + (total - floor * count[:, None]) * share) * used

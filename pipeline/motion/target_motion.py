@@ -1,0 +1,152 @@
+"""The motion of a target as data: pieces of polynomials in x and y over the episode's clock."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.motion.polynomials import arc_length, derivative, evaluate, greatest_speed, stationary
+from pipeline.poses import Pose
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One polynomial piece: `coefficients` (2, d+1) ascending, in m, of x and y over s = (t - start) / (end - start) in [0, 1]."""
+
+    start: float
+    end: float
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        c = np.array(self.coefficients, float)
+        if c.ndim != 2 or c.shape[0] != 2 or c.shape[1] < 1 or not np.isfinite(c).all():
+            raise ValueError(f"segment coefficients must be finite with shape (2, d+1), not {c.shape}")
+        if not self.end > self.start:
+            raise ValueError(f"a segment must end after it starts: {self.start} to {self.end} s")
+        c.setflags(write=False)
+        object.__setattr__(self, "coefficients", c)
+
+
+@dataclass(frozen=True, eq=False)
+class TargetMotion:
+    """Where the target is at any time t (s) of the episode's clock, on which the robot starts at 0.
+
+    The target stands until -`lead`, follows its segments until `duration` (the meeting, T_meet), and then goes on in a straight
+    line at its last velocity, until somebody releases it. Height `z` (m) and `orientation` (4,) wxyz stay constant. `level` and
+    `alpha` (m/s) say what it was drawn for. Raises ValueError where the segments do not cover [-lead, duration] without a gap.
+    """
+
+    level: int
+    alpha: float
+    duration: float
+    lead: float
+    z: float
+    orientation: Array
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        q = np.array(self.orientation, float)
+        if q.shape != (4,):
+            raise ValueError(f"orientation must be a quaternion wxyz, not an array of shape {q.shape}")
+        if not (np.isfinite(self.duration) and self.duration > 0 and np.isfinite(self.lead) and self.lead >= 0):
+            raise ValueError(f"duration must be positive and lead not negative: {self.duration} s, {self.lead} s")
+        if not self.segments:
+            raise ValueError("a motion needs at least one segment")
+        edges = [-self.lead, *(s.end for s in self.segments)]
+        if edges[-1] != self.duration or any(s.start != e for s, e in zip(self.segments, edges, strict=False)):
+            raise ValueError("segments must cover the time from -lead to duration without a gap")
+        q.setflags(write=False)
+        object.__setattr__(self, "orientation", q)
+        object.__setattr__(self, "segments", tuple(self.segments))
+
+    @classmethod
+    def still(cls, pose: ArrayLike, duration: float, lead: float = 0.0) -> "TargetMotion":
+        """A target that stands at `pose` (7,) all the time: level 0, alpha 0."""
+        p = np.asarray(pose, float)
+        return cls(0, 0.0, duration, lead, float(p[2]), p[3:], (Segment(0.0 - lead, duration, p[:2, None]),))
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, Array, Array]:
+        starts, ends = np.array([(s.start, s.end) for s in self.segments]).T
+        terms = max(s.coefficients.shape[1] for s in self.segments)
+        c = np.zeros((len(self.segments), 2, terms))
+        for row, segment in zip(c, self.segments, strict=True):
+            row[:, : segment.coefficients.shape[1]] = segment.coefficients
+        spans = ends - starts
+        return starts, spans, c, derivative(c) / spans[:, None, None]
+
+    def _locate(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+        starts, spans, _, _ = self._table
+        i = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, None)
+        return i, np.clip((t - starts[i]) / spans[i], 0.0, 1.0)
+
+    def position(self, t: ArrayLike) -> Array:
+        """World position (..., 3) in m at times t (...,) in s."""
+        t = np.asarray(t, float)
+        i, s = self._locate(t)
+        xy = evaluate(self._table[2][i], s[..., None])
+        late = np.maximum(t - self.duration, 0.0)[..., None]
+        return np.concatenate([xy + late * self.end_velocity[:2], np.full((*t.shape, 1), self.z)], -1)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """World velocity (..., 3) in m/s at times t (...,) in s; at a breakpoint the one after it, zero before the start."""
+        t = np.asarray(t, float)
+        i, s = self._locate(t)
+        xy = evaluate(self._table[3][i], s[..., None]) * (t >= -self.lead)[..., None]
+        return np.concatenate([xy, np.zeros((*t.shape, 1))], -1)
+
+    def pose(self, t: ArrayLike) -> Pose:
+        """World pose (..., 7) at times t (...,) in s."""
+        p = self.position(t)
+        return np.concatenate([p, np.broadcast_to(self.orientation, (*p.shape[:-1], 4))], -1)
+
+    @cached_property
+    def end_velocity(self) -> Array:
+        """Velocity (3,) in m/s at the meeting, kept from then on."""
+        v = np.array([*evaluate(self._table[3][-1], 1.0), 0.0])
+        v.setflags(write=False)
+        return v
+
+    def breakpoints(self) -> Array:
+        """Times (k,) in s strictly between start and meeting at which one piece follows another; empty for levels 0-2."""
+        return np.array([s.start for s in self.segments[1:]])
+
+    def velocity_jumps(self) -> Array:
+        """Size (k,) in m/s of the change of velocity at each breakpoint."""
+        slopes = self._table[3]
+        return np.linalg.norm(evaluate(slopes[:-1], 1.0) - evaluate(slopes[1:], 0.0), axis=-1)
+
+    def average_speed(self) -> float:
+        """Arc length over [-lead, duration] divided by its time, m/s (the speed that appendix D.3 bounds by alpha)."""
+        return sum(arc_length(s.coefficients) for s in self.segments) / (self.duration + self.lead)
+
+    def maximum_speed(self) -> float:
+        """Greatest instantaneous speed over [-lead, duration], m/s, exact up to rounding."""
+        return max(greatest_speed(s.coefficients) / (s.end - s.start) for s in self.segments)
+
+    def extent(self) -> tuple[Array, Array]:
+        """Smallest and largest x, y, (2,) each in m, over [-lead, duration], exact up to rounding."""
+        extremes = [[evaluate(c, stationary(c)) for c in s.coefficients] for s in self.segments]
+        low = np.array([[axis.min() for axis in pair] for pair in extremes]).min(0)
+        return low, np.array([[axis.max() for axis in pair] for pair in extremes]).max(0)
+
+    def to_json(self) -> str:
+        """JSON text from which `from_json` restores every float exactly."""
+        pieces = [{"start": s.start, "end": s.end, "coefficients": s.coefficients.tolist()} for s in self.segments]
+        scalars = {"level": self.level, "alpha": self.alpha, "duration": self.duration, "lead": self.lead, "z": self.z}
+        return json.dumps({**scalars, "orientation": self.orientation.tolist(), "segments": pieces}, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> "TargetMotion":
+        """Inverse of `to_json`. Raises ValueError, naming what is wrong, for text that is no motion."""
+        try:
+            data: dict[str, Any] = json.loads(text)
+            pieces = tuple(Segment(p["start"], p["end"], np.array(p["coefficients"], float)) for p in data.pop("segments"))
+            return cls(**{**data, "orientation": np.array(data["orientation"], float)}, segments=pieces)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"this is not a target motion: {error!r}") from error

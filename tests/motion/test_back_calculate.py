@@ -1,0 +1,214 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.motion.back_calculate import NoMotion, draw_motion
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import yawed
+
+TABLE = Workspace(-0.35, 0.35, -0.25, 0.15)
+END = yawed((0.12, -0.08, 0.77), 0.4)
+
+
+def draw(level, seed=0, alpha=0.1, duration=3.0, end=END, workspace=TABLE, **options) -> TargetMotion:
+    return draw_motion(level, alpha, duration, end, workspace, np.random.default_rng(seed), **options)
+
+
+def clock(m: TargetMotion, n=400):
+    return np.linspace(-m.lead, m.duration, n)
+
+
+def arc(m: TargetMotion) -> float:
+    return float(np.linalg.norm(np.diff(m.position(clock(m, 3000)), axis=0), axis=1).sum())
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    level=st.sampled_from([1, 2, 3]),
+    seed=st.integers(0, 2**32),
+    alpha=st.sampled_from([0.05, 0.1, 0.2, 0.3]),
+    duration=st.floats(2.0, 8.0),
+    lead=st.sampled_from([0.0, 0.8]),
+    x=st.floats(-0.34, 0.34),
+    y=st.floats(-0.24, 0.14),
+)
+def test_every_motion_keeps_its_promises(level, seed, alpha, duration, lead, x, y):
+    end = yawed((x, y, 0.77), 0.4)
+    m = draw(level, seed, alpha, duration, end, lead=lead)
+    np.testing.assert_allclose(m.pose(duration), end, atol=1e-9, rtol=0)
+    points = m.position(clock(m))
+    assert TABLE.contains(points).all()
+    assert TABLE.guarded((x, y)).contains(points).all()
+    assert arc(m) / (duration + lead) <= alpha * (1 + 1e-9)
+    assert m.average_speed() <= alpha * (1 + 1e-9)
+    assert (points[:, 2] == 0.77).all()
+    assert TargetMotion.from_json(m.to_json()).to_json() == m.to_json()
+    if level == 3:
+        assert 1 <= len(m.breakpoints()) <= 2
+        after, before = m.velocity(m.breakpoints()), m.velocity(m.breakpoints() - 1e-7)
+        assert np.linalg.norm(after - before, axis=-1).max() >= 0.2 * alpha - 1e-4
+    else:
+        assert len(m.breakpoints()) == 0
+    if level == 1:
+        v = m.velocity(0.0)
+        np.testing.assert_allclose(m.position(-lead), end[:3] - v * (duration + lead), atol=1e-12)
+        assert 0.01 - 1e-12 <= np.linalg.norm(v) <= alpha * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_the_maximum_bound_holds_at_every_instant(level):
+    for seed in range(60):
+        m = draw(level, seed, speed_bound="maximum")
+        steps = np.linalg.norm(np.diff(m.position(clock(m, 2000)), axis=0), axis=1) / (m.duration / 1999)
+        assert steps.max() <= 0.1 * (1 + 1e-9)
+        assert m.maximum_speed() <= 0.1 * (1 + 1e-9)
+
+
+def test_the_average_bound_lets_levels_2_and_3_be_faster_for_a_while():
+    for level in (2, 3):
+        assert max(draw(level, seed).maximum_speed() for seed in range(30)) > 0.12
+
+
+def test_lead_moves_the_start_and_not_the_meeting():
+    m = draw(2, 3, lead=1.5)
+    assert m.lead == 1.5
+    assert np.linalg.norm(m.velocity(-1.0)) > 0
+    np.testing.assert_array_equal(m.position(-5.0), m.position(-1.5))
+    assert not m.velocity(-1.6).any()
+    np.testing.assert_allclose(m.position(3.0), END[:3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("level", "alpha"), [(0, 0.0), (0, 0.3), (1, 0.0), (2, 0.0), (3, 0.0)])
+def test_level_0_and_alpha_0_are_the_same_still_target(level, alpha):
+    rng = np.random.default_rng(0)
+    m = draw_motion(level, alpha, 3.0, END, TABLE, rng, lead=0.5)
+    assert m.to_json() == TargetMotion.still(END, 3.0, 0.5).to_json()
+    assert rng.random() == np.random.default_rng(0).random()
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_the_seed_decides_the_motion(level):
+    assert draw(level, 1).to_json() == draw(level, 1).to_json()
+    assert len({draw(level, seed).to_json() for seed in range(20)}) == 20
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_the_tail_stays_in_the_workspace(level):
+    near_the_corner = yawed((0.3, -0.2, 0.77), 0.0)
+    plain = [draw(level, seed, end=near_the_corner) for seed in range(30)]
+    assert any(not TABLE.contains(m.position(m.duration + 1.5)) for m in plain)
+    for seed in range(30):
+        m = draw(level, seed, end=near_the_corner, tail=1.5)
+        assert TABLE.contains(m.position(np.linspace(-1, m.duration + 1.5, 200))).all()
+
+
+@pytest.mark.parametrize("level", [2, 3])
+def test_the_end_speed_can_be_limited(level):
+    assert max(np.linalg.norm(draw(level, seed).end_velocity) for seed in range(30)) > 0.1
+    for seed in range(30):
+        assert np.linalg.norm(draw(level, seed, end_speed_limit=0.06).end_velocity) <= 0.06
+
+
+def test_visibility_is_asked_in_batches_about_whole_paths():
+    shapes = []
+
+    def left_of_the_end(points):
+        shapes.append(points.shape)
+        assert (points[..., 2] == END[2]).all()
+        return (points[..., 0] <= END[0] + 1e-9).all(-1)
+
+    m = draw(1, visible=left_of_the_end)
+    assert m.position(0.0)[0] < END[0]
+    n, k, d = shapes[0]
+    assert n > 10
+    assert k >= 24
+    assert d == 3
+
+
+def test_visibility_sees_start_end_and_the_end_of_the_tail():
+    extremes = []
+
+    def remember(points):
+        extremes.append(points[0])
+        return np.ones(len(points), bool)
+
+    m = draw(2, 5, visible=remember, tail=0.5)
+    for t in (0.0, m.duration, m.duration + 0.5):
+        assert np.linalg.norm(extremes[0] - m.position(t), axis=-1).min() < 1e-12
+
+
+def test_free_is_asked_for_one_motion_at_a_time_in_the_order_drawn():
+    offered = []
+
+    def third(motion):
+        offered.append(motion)
+        return len(offered) == 3
+
+    m = draw(3, 4, free=third)
+    assert len(offered) == 3
+    assert m is offered[2]
+    assert draw(3, 4).to_json() == offered[0].to_json()
+
+
+def test_no_motion_counts_every_candidate_once():
+    with pytest.raises(NoMotion) as nothing:
+        draw(2, visible=lambda p: np.zeros(len(p), bool))
+    assert sum(nothing.value.counts.values()) == 1000
+    assert nothing.value.counts["visibility"] > 100
+    assert nothing.value.counts["speed"] > 100
+    assert "visibility" in str(nothing.value)
+    asked = []
+    with pytest.raises(NoMotion) as nothing:
+        draw(1, free=lambda m: bool(asked.append(m)), max_candidates=300)
+    assert nothing.value.counts["blocked"] == len(asked) > 50
+    assert sum(nothing.value.counts.values()) == 300
+    with pytest.raises(NoMotion) as nothing:
+        draw(3, free=lambda m: False, speed_bound="maximum", end_speed_limit=0.01, tail=2.0, max_candidates=150)
+    assert sum(nothing.value.counts.values()) == 150
+    assert {"miss", "speed", "end_speed"} <= set(nothing.value.counts)
+
+
+def test_no_more_candidates_are_used_than_allowed():
+    accepted = 0
+    for seed in range(40):
+        try:
+            draw(1, seed, alpha=0.3, max_candidates=1)
+            accepted += 1
+        except NoMotion as nothing:
+            assert nothing.counts == {"workspace": 1}
+    assert 0 < accepted < 20
+    with pytest.raises(NoMotion, match="no candidate"):
+        draw(1, max_candidates=0)
+
+
+def test_a_level_3_path_without_an_abrupt_change_is_rejected(monkeypatch):
+    monkeypatch.setattr("pipeline.motion.judge.ABRUPT", 1e6)
+    with pytest.raises(NoMotion) as nothing:
+        draw(3, max_candidates=200)
+    assert nothing.value.counts.keys() == {"miss", "smooth"}
+
+
+def test_an_end_outside_the_workspace_is_named():
+    with pytest.raises(NoMotion) as nothing:
+        draw(1, end=yawed((0.4, 0, 0.77), 0))
+    assert nothing.value.counts == {"end_outside": 1}
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"level": 4},
+        {"alpha": -0.1},
+        {"alpha": float("nan")},
+        {"duration": 0.0},
+        {"lead": -1.0},
+        {"tail": -1.0},
+        {"end_speed_limit": -1.0},
+        {"speed_bound": "median"},
+    ],
+)
+def test_senseless_arguments_are_refused(bad):
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        draw(**{"level": 1, **bad})
