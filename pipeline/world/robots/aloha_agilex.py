@@ -3,10 +3,15 @@
 Numbers: `arx5_description_isaac.urdf` and config.yml of RoboTwin 2.0. The rear (leader) arms are not modelled.
 """
 
+from functools import cache
+
 from pipeline.poses import Pose, compose, pose
 from pipeline.world.robots.arx_family import Variant, arx_arm
+from pipeline.world.robots.arx_look import Livery
 from pipeline.world.robots.contract import SIDES, Arm, Embodiment
-from pipeline.world.robots.notation import FACING_TABLE, HEAD_CAMERA, at
+from pipeline.world.robots.notation import FACING_TABLE, HEAD_CAMERA, at, box
+from pipeline.world.robots.parts import BLACK, CHARCOAL, GREY, RUBBER, SILVER, Visual, block, depth_camera, housing, painted
+from pipeline.world.shapes import Collider
 
 ROOT = pose((0, -0.65, 0), FACING_TABLE)  # `footprint`, on the floor
 MOUNTS = {"left": at((0.2305, 0.297, 0.782), (0, 0, 0.02)), "right": at((0.2315, -0.3063, 0.781), (0, 0, 0.01))}
@@ -25,8 +30,8 @@ FRONT_ARM = Variant(
     jaw_limit=0.04765,
     jaw_open=0.045,
     finger_end=0.155,
-    camera=at((0.07, 0.032, 0.065), (0.0, 0.4, 0.0)),
     home=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    livery=Livery(),
 )
 
 
@@ -40,6 +45,34 @@ def arm(side: str) -> Arm:
     return arx_arm(FRONT_ARM, base_pose(side))
 
 
+@cache
+def base_body() -> tuple[Visual, tuple[Collider, ...]]:
+    """Wheeled base, cabinet, frame under the arms and camera mast in the world frame, all behind the table edge."""
+    rails = [block((s * 0.3 - 0.02, -0.76, 0.2), (s * 0.3 + 0.02, -0.72, 0.745), 0.003) for s in (-1, 1)]
+    rails += [block((s * 0.3 - 0.02, -0.42, 0.2), (s * 0.3 + 0.02, -0.38, 0.745), 0.003) for s in (-1, 1)]
+    rails += [block((-0.36, y - 0.02, 0.72), (0.36, y + 0.02, 0.76), 0.003) for y in (-0.74, -0.4)]
+    mast = [block((-0.02, -0.66, 0.76), (0.02, -0.62, 1.385), 0.003), block((-0.02, -0.64, 1.36), (0.02, -0.478, 1.385), 0.003)]
+    wheels = [housing((s * 0.295, y, 0.085), (s * 0.245, y, 0.085), 0.085, 0.01) for s in (-1, 1) for y in (-0.86, -0.5)]
+    plates = [block((s * 0.3 - 0.07, -0.485, 0.768), (s * 0.3 + 0.07, -0.357, 0.781), 0.004) for s in (-1, 1)]
+    visual = painted(
+        (BLACK, [block((-0.24, -0.99, 0.09), (0.24, -0.37, 0.2), 0.02), block((-0.2, -0.9, 0.2), (0.2, -0.46, 0.66), 0.01)]),
+        (SILVER, [*rails, *mast]),
+        (CHARCOAL, [*plates, block((-0.37, -0.77, 0.755), (0.37, -0.365, 0.77), 0.003)]),
+        (RUBBER, wheels),
+        (GREY, [block((-0.18, -0.462, 0.45), (0.18, -0.456, 0.6))]),
+    )
+    solid = (
+        box((-0.3, -0.99, 0.0), (0.3, -0.37, 0.2)),
+        box((-0.33, -0.9, 0.2), (0.33, -0.37, 0.72)),
+        box((-0.37, -0.76, 0.72), (0.37, -0.355, 0.775)),
+        box((-0.02, -0.66, 0.775), (0.02, -0.62, 1.385)),
+        box((-0.06, -0.64, 1.33), (0.06, -0.453, 1.385)),
+    )
+    return (*visual, *depth_camera(HEAD_CAMERA)), solid
+
+
 def embodiment() -> Embodiment:
     """Both front arms on the base."""
-    return Embodiment("aloha-agilex", {side: arm(side) for side in SIDES}, HEAD_CAMERA, aliases=("aloha", "cobot-magic"))
+    visual, solid = base_body()
+    arms = {side: arm(side) for side in SIDES}
+    return Embodiment("aloha-agilex", arms, HEAD_CAMERA, visual, solid, aliases=("aloha", "cobot-magic"))

@@ -5,10 +5,13 @@ upper arm lies backwards, the forearm above it points forwards again.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 from pipeline.poses import Pose, pose
+from pipeline.world.robots.arx_look import Livery, arx_visuals
 from pipeline.world.robots.contract import Arm, Gripper, Link, Mount
-from pipeline.world.robots.notation import Triple, box, cylinder, jaw, link, revolute
+from pipeline.world.robots.notation import Triple, at, box, cylinder, jaw, link, revolute
+from pipeline.world.robots.parts import dressed
 
 Y, Z, X = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 LINKS = ("base_link", *(f"link{i}" for i in range(1, 9)))
@@ -20,11 +23,14 @@ LOWER = (-3.14, -0.05, -0.1, -1.6, -1.57, -2.0)
 UPPER = (2.618, 3.5, 3.2, 1.55, 1.57, 2.0)
 VELOCITY = (5.0, 5.0, 5.5, 5.5, 5.0, 5.0)
 TORQUE = (30.0, 40.0, 30.0, 15.0, 10.0, 10.0)
+# RoboTwin's wrist cameras sit at (0.07, 0.032, 0.065) pitched 0.4 (aloha) and (0.0845, 0, 0.05) pitched 0.349 (X5A): their 37 degree
+# pictures cut off the pads and one finger. Further back and up, both fingers and what they hold are in view at any opening.
+WRIST_CAMERA = at((0.042, 0.0, 0.085), (0.0, 0.55, 0.0))
 JAW_SPEED = 0.3
 JAW_FORCE = 40.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Variant:
     """What differs between two ARX-5 arms: hinge origins (xyz m, rpy rad), jaw origins and strokes, finger end in link6 (m)."""
 
@@ -34,8 +40,8 @@ class Variant:
     jaw_limit: float
     jaw_open: float
     finger_end: float
-    camera: Pose
     home: tuple[float, ...]
+    livery: Livery
 
 
 # RoboTwin X5A.urdf inertials (kg, m, kg m2). The aloha URDF's own masses (1.4 kg per arm) are CAD shells of the same hardware
@@ -95,11 +101,12 @@ def arx_arm(variant: Variant, base: Pose) -> Arm:
             JAW_SPEED,
         ),
         home=variant.home,
-        camera=Mount("link6", variant.camera),
+        camera=Mount("link6", WRIST_CAMERA),
         allowed_overlap=(("link7", "link8"),),  # closed pads touch
     )
 
 
+@cache
 def _links(variant: Variant) -> tuple[Link, ...]:
     """Links with collision pieces. All motors are 57 mm housings; that is what lets the folded arm clear itself at zero."""
     elbow, wrist, yaw, roll = (variant.origins[i][0] for i in (2, 3, 4, 5))
@@ -133,12 +140,17 @@ def _links(variant: Variant) -> tuple[Link, ...]:
         "link6": (
             cylinder((0, 0, 0), (0.04, 0, 0), 0.03),
             box((0.036, -0.062, -0.021), (0.076, 0.062, 0.021)),
-            box((0.01, -0.03, 0.021), (0.066, 0.05, 0.076)),
+            box((0.012, -0.063, 0.068), (0.048, 0.03, 0.102)),
+            box((0.024, -0.014, 0.021), (0.046, 0.014, 0.066)),
         ),
         "link7": _finger(variant, 1.0),
         "link8": _finger(variant, -1.0),
     }
-    return tuple(link(name, mass, com, inertia, *pieces[name]) for name, (mass, com, inertia) in zip(LINKS, INERTIALS, strict=True))
+    looks = arx_visuals([o[0] for o in variant.origins], variant.jaw_origins, variant.finger_end, WRIST_CAMERA, variant.livery)
+    return tuple(
+        dressed(link(name, mass, com, inertia, *pieces[name]), looks[name])
+        for name, (mass, com, inertia) in zip(LINKS, INERTIALS, strict=True)
+    )
 
 
 def _finger(variant: Variant, side: float) -> tuple:
