@@ -1,0 +1,88 @@
+"""What the user may choose, as plain frozen dataclasses. What decides a result goes into its key; batch and device do not."""
+
+from dataclasses import dataclass, field
+
+from pipeline.annotate.flow import Colour, Farneback
+from pipeline.annotate.keys import AnnotateError
+
+STAGES = ("flow", "masks", "features")
+
+
+def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise AnnotateError(f"{name} {value!r} is unknown: choose {', '.join(choices)}")
+
+
+@dataclass(frozen=True)
+class FlowOptions:
+    """`source` farneback (from pictures) or sim (exact); frames (t - stride, t) at `size` = (width, height) px."""
+
+    source: str = "farneback"
+    stride: int = 4
+    size: tuple[int, int] = (64, 64)
+    farneback: Farneback = field(default_factory=Farneback)
+    colour: Colour = field(default_factory=Colour)
+
+    def __post_init__(self) -> None:
+        _choice("flow source", self.source, ("farneback", "sim"))
+        if self.stride < 1:
+            raise AnnotateError(f"flow stride {self.stride} makes no pair: give a number of frames >= 1")
+        if min(self.size) < 16:
+            raise AnnotateError(f"flow size {self.size[0]}x{self.size[1]} is too small for Farneback: give at least 16x16")
+
+
+@dataclass(frozen=True)
+class MaskOptions:
+    """`source` model (GroundingDINO boxes, SAM 2 masks) or sim (exact, from the renderer).
+
+    `objects` are roles of the episode's metadata ("target", "manipulated") or object names. `prompt` is what the detector is
+    asked: metadata (the object's noun), description (its full description), or instruction (the paper's rule-based parser over the
+    episode's first seen instruction, the whole instruction where it finds nothing; one mask, named "instruction").
+    Detections that cover more than `max_area` of the picture are refused: that is how the detector says it found nothing.
+    """
+
+    source: str = "model"
+    objects: tuple[str, ...] = ("target", "manipulated")
+    prompt: str = "metadata"
+    box_threshold: float = 0.35
+    text_threshold: float = 0.25
+    max_area: float = 0.9
+    detector: str = "grounding-dino-tiny"
+    detector_revision: str | None = None
+    segmenter: str = "sam2.1-hiera-large"
+    segmenter_revision: str | None = None
+    precision: str = "auto"
+    batch: int = 8
+
+    def __post_init__(self) -> None:
+        _choice("mask source", self.source, ("model", "sim"))
+        _choice("prompt", self.prompt, ("metadata", "description", "instruction"))
+        _choice("precision", self.precision, ("auto", "float32", "float16", "bfloat16"))
+        if not self.objects or self.batch < 1:
+            raise AnnotateError("masks need at least one object and a batch of at least 1")
+
+
+@dataclass(frozen=True)
+class FeatureOptions:
+    """Frozen patch encoder, pictures squashed to `size` px square (a multiple of its patch), pooled under the masks."""
+
+    encoder: str = "dinov2-base"
+    revision: str | None = None
+    size: int = 224
+    precision: str = "auto"
+    batch: int = 16
+
+    def __post_init__(self) -> None:
+        _choice("precision", self.precision, ("auto", "float32", "float16", "bfloat16"))
+        if self.size < 1 or self.batch < 1:
+            raise AnnotateError("features need a picture size and a batch of at least 1")
+
+
+@dataclass(frozen=True)
+class AnnotateOptions:
+    """Everything about the stages; each camera named gets its own annotations."""
+
+    cameras: tuple[str, ...] = ("head_camera",)
+    flow: FlowOptions = field(default_factory=FlowOptions)
+    masks: MaskOptions = field(default_factory=MaskOptions)
+    features: FeatureOptions = field(default_factory=FeatureOptions)

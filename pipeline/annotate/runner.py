@@ -1,0 +1,120 @@
+"""`annotate`: which stages, which episodes, on which workers; and the report of what was done."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from pipeline.annotate.flow_stage import FlowStage
+from pipeline.annotate.keys import AnnotateError
+from pipeline.annotate.options import STAGES, AnnotateOptions
+from pipeline.annotate.select import parse_where
+from pipeline.annotate.stage import Render, Stage, directory_of
+from pipeline.annotate.store import episode_paths, sweep, write_stage
+from pipeline.annotate.work import Outcome, process
+from pipeline.episode import EpisodeError, open_episode
+
+EXECUTORS = ("inline", "ray")
+
+
+def build_stages(options: AnnotateOptions, stages: Sequence[str], render: Render | None, device: str = "auto") -> list[Stage]:
+    """Stages in the order they must run, one per camera. Raises AnnotateError for an unknown stage or a model without weights."""
+    unknown = [s for s in stages if s not in STAGES]
+    if unknown or not stages:
+        raise AnnotateError(f"stage {', '.join(unknown) or '(none)'} is unknown: stages are {', '.join(STAGES)}")
+    built: list[Stage] = []
+    for camera in options.cameras:
+        if "flow" in stages:
+            built.append(FlowStage(options.flow, camera, render))
+    return sorted(built, key=lambda s: STAGES.index(s.name))
+
+
+def annotate(
+    dataset: Path,
+    stages: Sequence[str] = STAGES,
+    *,
+    options: AnnotateOptions | None = None,
+    where: str | None = None,
+    dry_run: bool = False,
+    workers: int = 1,
+    executor: str = "inline",
+    progress: bool = False,
+    render: Render | None = None,
+    device: str = "auto",
+) -> dict[str, Any]:
+    """Bring `stages` of a dataset directory up to date and say what was done.
+
+    `where` selects episodes (see select.py); `dry_run` writes nothing and lists what would run and why; `render` re-renders
+    episodes for simulator truth where they store none. Returns {"dataset", "episodes", "dry_run", "stages": [...]}; a stage has
+    "name", "camera", "directory", "computed", "reused", "invalid" (of the computed, those that replaced a stale or corrupt file),
+    "failed", "waiting", "frames", "seconds", "hit_rate" and "problems" (one line each); a dry run adds "plan" with
+    {"episode", "action", "state", "reason"} for what is not reused.
+
+    Raises AnnotateError, one line, for bad input: no dataset, unknown stage or camera, a bad `where`, a model without weights.
+    """
+    options = options or AnnotateOptions()
+    if executor not in EXECUTORS or workers < 1:
+        raise AnnotateError(f"executor {executor!r} with {workers} workers is unknown: use {' or '.join(EXECUTORS)} and at least 1")
+    dataset = Path(dataset)
+    chosen = select_episodes(dataset, where)
+    built = build_stages(options, stages, render, device)
+    report: dict[str, Any] = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
+    for stage in built:
+        start = time.perf_counter()
+        directory = directory_of(stage)
+        if not dry_run and chosen:
+            write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
+            sweep(dataset, directory)
+        outcomes = _run(stage, dataset, chosen, dry_run, workers, executor)
+        bar = tqdm(outcomes, total=len(chosen), desc=directory, unit="episode", disable=not progress)
+        report["stages"].append(_summary(stage, directory, list(bar), time.perf_counter() - start, dry_run))
+    return report
+
+
+def _run(stage: Stage, dataset: Path, episodes: Sequence[Path], dry_run: bool, workers: int, executor: str) -> Iterator[Outcome]:
+    return process(stage, dataset, episodes, dry_run)
+
+
+def select_episodes(dataset: Path, where: str | None) -> list[Path]:
+    """Episodes of a dataset that a `where` expression selects; files that cannot be read are kept, so that they are reported."""
+    predicate = parse_where(where)
+    paths = episode_paths(dataset)
+    if where is None or not where.strip():
+        return paths
+    chosen = []
+    for path in paths:
+        try:
+            with open_episode(dataset / "episodes" / path) as e:
+                if predicate(e.spec):
+                    chosen.append(path)
+        except EpisodeError:
+            chosen.append(path)
+    return chosen
+
+
+def _summary(stage: Stage, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool) -> dict[str, Any]:
+    count = Counter(o.action for o in outcomes)
+    summary: dict[str, Any] = {
+        "name": stage.name,
+        "camera": stage.camera,
+        "directory": directory,
+        "computed": count["computed"],
+        "reused": count["reused"],
+        "invalid": sum(o.action == "computed" and o.state in ("stale", "corrupt") for o in outcomes),
+        "failed": count["failed"],
+        "waiting": count["waiting"],
+        "frames": sum(o.frames for o in outcomes if o.action == "computed"),
+        "seconds": round(seconds, 3),
+        "hit_rate": count["reused"] / len(outcomes) if outcomes else 1.0,
+        "problems": [f"{o.episode}: {o.reason}" for o in outcomes if o.action in ("failed", "waiting")],
+    }
+    if dry_run:
+        summary["plan"] = [
+            {"episode": o.episode, "action": o.action, "state": o.state, "reason": o.reason}
+            for o in outcomes
+            if o.action != "reused"
+        ]
+    return summary

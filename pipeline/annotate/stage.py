@@ -1,0 +1,148 @@
+"""What a stage of annotation is: read (hashes of inputs) -> decode (frames, on a prefetch thread) -> compute -> store."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.annotate.keys import AnnotateError, arrays_digest, frames_digest, stage_key
+from pipeline.episode import EpisodeError, EpisodeFile, View, decode
+
+Render = Callable[[Path, str], View]
+"""Renders an episode file again from one camera, with depth and segmentation: `render(episode_path, camera)`."""
+
+
+class NotReady(Exception):
+    """This stage's input for one episode is not there yet (features before masks); the message says what is missing."""
+
+
+@dataclass(eq=False)
+class Reading:
+    """What an annotation is made from: plain `inputs` for the key, and `decode`, called only where it must be computed."""
+
+    inputs: Mapping[str, Any]
+    decode: Callable[[], Any]
+
+
+@dataclass(eq=False)
+class Result:
+    """Arrays by absolute frame, plain attributes, and which arrays to store compressed."""
+
+    arrays: Mapping[str, NDArray[Any]]
+    attributes: Mapping[str, Any]
+    compressed: Collection[str] = field(default=())
+
+
+class Stage(Protocol):
+    """One stage for one camera. Plain data, so that it travels to workers; models appear in `start` only."""
+
+    @property
+    def name(self) -> str:
+        """ "flow", "masks" or "features"."""
+        ...
+
+    @property
+    def version(self) -> int:
+        """Raised by hand whenever the code would give other bytes for the same parameters and inputs."""
+        ...
+
+    @property
+    def camera(self) -> str:
+        """The camera whose frames it reads."""
+        ...
+
+    @property
+    def uses_models(self) -> bool:
+        """Whether `start` loads networks, so that a worker wants a share of a GPU."""
+        ...
+
+    def parameters(self) -> dict[str, Any]:
+        """Everything that decides the result besides the inputs, models' digests included, as plain JSON data."""
+        ...
+
+    def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
+        """Hash the inputs of one open episode. `decode` may be called while the file is open. Raises NotReady, AnnotateError."""
+        ...
+
+    def start(self) -> Callable[[Any], Result]:
+        """Load what is heavy, once per worker; the callable turns what `decode` gave into a result."""
+        ...
+
+
+def directory_of(stage: Stage) -> str:
+    """Name of the stage's directory under annotations/."""
+    return f"{stage.name}@{stage_key(stage.name, stage.version, stage.parameters())}"
+
+
+def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
+    """JPEG bytes of all frames of a camera. Raises AnnotateError naming the cameras there are."""
+    if camera not in episode.cameras:
+        raise AnnotateError(f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}")
+    return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
+
+
+def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
+    """The `inputs` entry of stages that read pictures."""
+    return {"frames": frames_digest(frames)}
+
+
+def decoded(frames: list[bytes]) -> NDArray[np.uint8]:
+    """JPEG frames -> (T,H,W,3) uint8 RGB."""
+    first = decode(frames[0])
+    out = np.empty((len(frames), *first.shape), np.uint8)
+    out[0] = first
+    for t, data in enumerate(frames[1:], 1):
+        out[t] = decode(data)
+    return out
+
+
+@dataclass(eq=False)
+class SimView:
+    """One camera's truth: segmentation (T,H,W) body index + 1, depth (T,H,W) mm or None, world poses (T,7), K (3,3)."""
+
+    segmentation: NDArray[np.uint8]
+    depth: NDArray[np.uint16] | None
+    poses: NDArray[np.float64]
+    k: NDArray[np.float64]
+
+
+def sim_reading(
+    episode: EpisodeFile, camera: str, depth: bool, render: Render | None
+) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
+    """Inputs, lazy view and body names for stages that use simulator truth.
+
+    The stored segmentation (and depth) is used where the file has it; else the episode is rendered again from its state log, and
+    what that is a function of is hashed. Raises AnnotateError where neither is possible.
+    """
+    log = episode.read().log
+    group = f"observation/{camera}"
+    if camera not in episode.cameras:
+        raise AnnotateError(f"{episode.path} has no camera {camera}: it has {', '.join(episode.cameras)}")
+    poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
+    wanted = ["actor_segmentation", *(["depth"] if depth else [])]
+    scene = {"bodies": log.bodies, "state": arrays_digest({"poses": log.poses, "camera": poses, "k": k})}
+    stored = _stored(episode, group, wanted)
+    if stored is not None:
+        view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
+        return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, list(log.bodies)
+    if render is None:
+        raise AnnotateError(f"{episode.path} stores no {' and '.join(wanted)} of {camera}, and no renderer was given")
+    path, meta = episode.path, episode.meta
+
+    def again() -> SimView:
+        v = render(path, camera)
+        if v.segmentation is None or (depth and v.depth is None):
+            raise AnnotateError(f"rendering {path} again gave no {' and '.join(wanted)}")
+        return SimView(v.segmentation, v.depth, v.poses, k)
+
+    return {"scene": scene, "objects": meta["objects"], "spec": episode.spec.to_json()}, again, list(log.bodies)
+
+
+def _stored(episode: EpisodeFile, group: str, wanted: list[str]) -> dict[str, NDArray[Any]] | None:
+    try:
+        return {key: episode.array(f"{group}/{key}") for key in wanted}
+    except EpisodeError:
+        return None
