@@ -10,6 +10,7 @@ from typing import Any
 from pipeline.export.aloha import check_aloha, export_aloha
 from pipeline.export.common import ExportError
 from pipeline.export.lerobot import export_lerobot
+from pipeline.export.lerobot_check import check_lerobot
 from pipeline.export.parquet import check_parquet, export_parquet
 
 EXPORTERS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -19,6 +20,7 @@ EXPORTERS: dict[str, Callable[..., dict[str, Any]]] = {
 }
 
 CHECKS: dict[str, Callable[[Path, Path, Sequence[Path]], list[str]]] = {
+    "lerobot": check_lerobot,
     "aloha": check_aloha,
     "parquet": check_parquet,
 }

@@ -7,9 +7,9 @@
     timestamp (T,), target/{pose (T,7), velocity (T,3)}, instructions/{seen,unseen}, motion
     attributes: sim True, compress, fps, embodiment, names, cameras, instruction, spec, events
 
-`action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and no frame is dropped. Grippers are
-0 closed to 1 open; their velocity is a finite difference. A is the embodiment's own width (14 or 16): code that hard-codes 14 needs
-a 6-joint arm. JPEGs are true RGB; after `cv2.imdecode` apply COLOR_BGR2RGB. Mixed embodiments go to one directory each.
+`action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and no frame is dropped. Grippers
+are 0 closed to 1 open; their velocity is a finite difference. A is the embodiment's own width (14 or 16): code that hard-codes 14
+needs a 6-joint arm. JPEGs are true RGB; after `cv2.imdecode` apply COLOR_BGR2RGB. Several embodiments get a directory each.
 """
 
 import json
@@ -86,7 +86,7 @@ def export_aloha(
 
 
 def joint_velocity(facts: Facts) -> NDArray[np.float64]:
-    """Measured velocities (T,A) of the state vector: joints in rad/s from the log by name, grippers (0-1) by finite difference in 1/s.
+    """Measured velocities (T,A) of the state vector: joints in rad/s by name from the log, grippers (0-1) in 1/s by differences.
 
     Raises ExportError where the log does not hold a joint of the vector.
     """
@@ -183,7 +183,8 @@ def check_aloha(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]
 def _compare(dataset: Path, path: Path, exported: Path) -> list[str]:
     problems = []
     try:
-        with reading(path) as file, h5py.File(exported, "r") as f:
+        with reading(path) as file, h5py.File(exported, "r") as opened:
+            f: Any = opened
             facts, log = read_facts(file, dataset), file.read().log
             arrays = {"observations/qpos": log.state, "observations/qvel": joint_velocity(facts), "action": log.action}
             arrays |= {"target/pose": facts.target, "target/velocity": log.target_velocity}
@@ -205,7 +206,7 @@ def _compare(dataset: Path, path: Path, exported: Path) -> list[str]:
     return problems
 
 
-def _compare_pictures(file: EpisodeFile, camera: str, name: str, data: h5py.Dataset, lengths: Any) -> list[str]:
+def _compare_pictures(file: EpisodeFile, camera: str, name: str, data: Any, lengths: Any) -> list[str]:
     if len(data) != len(file):
         return [f"{name} has {len(data)} pictures for {len(file)} frames"]
     for t in range(len(file)):
@@ -218,7 +219,7 @@ def _compare_pictures(file: EpisodeFile, camera: str, name: str, data: h5py.Data
             got = decode(coded)
         want = file.rgb(camera, t)
         if got.shape != want.shape:
-            want = resize(want, got.shape[:2])
+            want = resize(want, (got.shape[0], got.shape[1]))
             if np.abs(want.astype(int) - got).mean() > 4.0:
                 return [f"{name} picture {t} differs"]
         elif not np.array_equal(got, want):

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def ordered(episodes: Sequence[Path]) -> list[Path]:
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")
-    twice = next((a for a, b in zip(paths, paths[1:], strict=False) if a == b), None)
+    twice = next((a for a, b in pairwise(paths) if a == b), None)
     if twice is not None:
         raise ExportError(f"{twice}: given twice")
     return paths
@@ -216,10 +217,14 @@ SCALAR_TYPES = {
     **dict.fromkeys(("alpha", "T_meet", "T_release", "T_success", "speed_max"), pa.float64()),
 }
 
+TEXTS = pa.list_(pa.string())
 PROVENANCE_SCHEMA = pa.schema(
-    [("episode_index", pa.int64()), ("length", pa.int64()), *SCALAR_TYPES.items()]
-    + [("instruction", pa.string()), ("instructions_seen", pa.list_(pa.string())), ("instructions_unseen", pa.list_(pa.string()))]
-    + [("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())]
+    [
+        *(("episode_index", pa.int64()), ("length", pa.int64())),
+        *SCALAR_TYPES.items(),
+        *(("instruction", pa.string()), ("instructions_seen", TEXTS), ("instructions_unseen", TEXTS)),
+        *(("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())),
+    ]
 )
 
 

@@ -5,8 +5,8 @@
     export.json              the summary
 
 `state` and `action` are lists of the embodiment's own width; their joint names are in the schema metadata, key "domino".
-A picture is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset("parquet", data_files="OUT/data-*.parquet")`
-decodes them; everything else reads the bytes.
+A picture is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset("parquet", data_files=...)` with
+"OUT/data-*.parquet" decodes them; everything else reads the bytes.
 """
 
 import json
@@ -147,7 +147,8 @@ def export_parquet(
 def _writer(path: Path, schema: pa.Schema, images: list[str]) -> pq.ParquetWriter:
     # JPEG bytes neither compress nor repeat
     codecs = {name: "ZSTD" for name in schema.names if name not in images} | {f"{name}.bytes": "NONE" for name in images}
-    return pq.ParquetWriter(path, schema, compression=codecs, use_dictionary=[*CONSTANTS])
+    options: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
+    return pq.ParquetWriter(path, schema, **options)
 
 
 def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:

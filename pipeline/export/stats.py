@@ -16,14 +16,13 @@ Stats = dict[str, NDArray[Any]]
 
 def vector_stats(values: NDArray[Any]) -> Stats:
     """Statistics of (N,) or (N,d) values over N; each entry has shape (1,) or (d,)."""
-    columns = values.reshape(len(values), -1)
-    wide = columns.astype(np.float64)
-    quantiles = np.stack([np.quantile(c, QUANTILES, method="inverted_cdf") for c in wide.T], axis=1)
+    columns = values.reshape(len(values), -1).T
+    quantiles = np.stack([np.quantile(c, QUANTILES, method="inverted_cdf") for c in columns], axis=1)
     return {
-        "min": wide.min(0),
-        "max": wide.max(0),
-        "mean": wide.mean(0),
-        "std": wide.std(0),
+        "min": columns.min(1),
+        "max": columns.max(1),
+        "mean": columns.mean(1, dtype=np.float64),
+        "std": np.array([c.std(dtype=np.float64) for c in columns]),
         "count": np.array([len(values)]),
         **{f"q{round(100 * q):02d}": row for q, row in zip(QUANTILES, quantiles, strict=True)},
     }
@@ -36,7 +35,7 @@ def sample_rows(length: int) -> NDArray[np.int64]:
 
 
 def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
-    """How often each value occurs, (3,256), in pictures (H,W,3); large ones are thinned by LeRobot's rule (about 150 pixels wide)."""
+    """How often each value occurs, (3,256), in pictures (H,W,3); large ones are thinned to about 150 pixels, LeRobot's rule."""
     height, width = frames[0].shape[:2]
     step = 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
     thin = np.stack([f[::step, ::step] for f in frames])

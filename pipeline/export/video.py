@@ -12,10 +12,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import av
-import av.container
 import numpy as np
 from numpy.typing import NDArray
+
+from pipeline.export.common import ExportError
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,19 @@ class Codec:
         return {"g": str(self.gop), "crf": str(self.crf), "preset": preset, **threads}
 
 
+def pyav() -> Any:
+    """The PyAV module. Raises ExportError, saying what to install, without it."""
+    try:
+        import av
+    except ImportError as error:
+        raise ExportError(f"video needs PyAV ({error}): install domino-data[lerobot]") from error
+    return av
+
+
 def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes:
     """RGB frames (H,W,3) uint8, H and W even -> a complete mp4 with one picture per frame, presented at k / fps seconds."""
     os.environ.setdefault("SVT_LOG", "1")  # errors only
+    av = pyav()
     buffer = io.BytesIO()
     with av.open(buffer, "w", format="mp4") as container:
         stream: Any = None
@@ -55,12 +65,12 @@ def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes
 
 def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     """(time s, RGB picture) of every frame of a video, in order."""
-    with av.open(path if isinstance(path, io.BytesIO) else str(path)) as container:
+    with pyav().open(path if isinstance(path, io.BytesIO) else str(path)) as container:
         stream = container.streams.video[0]
         stream.thread_count = 1
         for frame in container.decode(stream):
             assert frame.pts is not None and frame.time_base is not None
-            yield float(frame.pts * frame.time_base), frame.to_ndarray(format="rgb24")
+            yield float(frame.pts * frame.time_base), np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
 @dataclass
@@ -71,7 +81,7 @@ class VideoFile:
     fps: int
     frames: int = 0
     size: int = 0
-    _output: av.container.OutputContainer | None = field(default=None, repr=False)
+    _output: Any = field(default=None, repr=False)
     _stream: Any = field(default=None, repr=False)
 
     def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
@@ -79,6 +89,7 @@ class VideoFile:
 
         Raises ValueError when the video does not hold that many pictures.
         """
+        av = pyav()
         with av.open(io.BytesIO(mp4)) as source:
             template = source.streams.video[0]
             if self._output is None:
@@ -86,7 +97,7 @@ class VideoFile:
                 self._output = av.open(str(self.path), "w", format="mp4", options={"movflags": "faststart"})
                 self._stream = self._output.add_stream_from_template(template, opaque=True)
                 self._stream.time_base = template.time_base
-            packets = [p for p in source.demux(template) if p.dts is not None]
+            packets: list[Any] = [p for p in source.demux(template) if p.dts is not None]
             if len(packets) != frames:
                 raise ValueError(f"the encoder returned {len(packets)} pictures for {frames} frames")
             tick = Fraction(1, self.fps) / Fraction(template.time_base or 1)

@@ -1,0 +1,145 @@
+"""Whether a LeRobot export says what its episodes say: every number exactly, every picture within what the codec loses."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.episode import EpisodeFile
+from pipeline.export.common import Facts, by_embodiment, read_facts, reading, scalars
+from pipeline.export.lerobot_format import DATA_PATH, VIDEO_PATH, data_columns, image_key
+from pipeline.export.video import frames_of
+
+PICTURE_TOLERANCE = 8.0  # mean absolute difference of 0-255 that AV1 at crf 30 stays well below
+SHIFT_MARGIN = 1.0  # a picture this much closer to its neighbour's source than to its own is in the wrong place
+
+
+def check_lerobot(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
+    """Compare an export with its episodes; returns the problems found, [] when all is well.
+
+    Counts, every number, times, tasks, provenance, and each decoded picture: mean absolute difference at most PICTURE_TOLERANCE,
+    and not closer to the frame before or after it. Raises ExportError for episode files that cannot be read.
+    """
+    problems: list[str] = []
+    for root, paths in by_embodiment(episodes, out).values():
+        try:
+            problems += _check_dataset(dataset, root, paths)
+        except (OSError, KeyError, ValueError, pa.ArrowException) as error:
+            problems.append(f"{root}: is not a complete LeRobot dataset ({error})")
+    return problems
+
+
+def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path]) -> list[str]:
+    info = json.loads((root / "meta/info.json").read_text())
+    files = sorted((root / "meta/episodes").rglob("*.parquet"))
+    rows = [row for f in files for row in pq.read_table(f).to_pylist()]
+    table = pq.read_table(root / "meta/tasks.parquet").to_pydict()
+    tasks = dict(zip(table["task"], table["task_index"], strict=True))
+    problems = []
+    for what, got, want in (("episodes", info["total_episodes"], len(paths)), ("episode rows", len(rows), len(paths))):
+        if got != want:
+            problems.append(f"{root}: has {got} {what} for {want} episodes")
+    stats = json.loads((root / "meta/stats.json").read_text())
+    problems += [f"{root}: has no statistics of {name}" for name in sorted(set(info["features"]) - set(stats))]
+    problems += [f"{root}: feature {n} has no names" for n, f in info["features"].items() if "." in n and not f["names"]]
+    start = 0
+    videos = _Videos(root)
+    for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
+        with reading(path) as file:
+            facts = read_facts(file, dataset)
+            problems += [f"{path}: {p}" for p in _check_row(facts, index, start, row, tasks, info)]
+            problems += [f"{path}: {p}" for p in _check_columns(facts, root, row, index, start, tasks)]
+            for camera in facts.cameras:
+                problems += [f"{path}: {camera} {p}" for p in _check_pictures(file, camera, row, videos)]
+        start += len(facts)
+    if info["total_frames"] != start:
+        problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
+    videos.close()
+    return problems + videos.leftover
+
+
+def _check_row(facts: Facts, index: int, start: int, row: dict[str, Any], tasks: dict[str, int], info: dict[str, Any]) -> list[str]:
+    wanted: dict[str, Any] = {"episode_index": index, "length": len(facts), "tasks": [facts.instruction]}
+    wanted |= {"dataset_from_index": start, "dataset_to_index": start + len(facts)}
+    wanted |= {f"domino.{name}": value for name, value in scalars(facts).items()}
+    problems = [f"{name} is {row.get(name)!r}, not {value!r}" for name, value in wanted.items() if row.get(name) != value]
+    if facts.instruction not in tasks:
+        problems.append("its instruction is no task")
+    if info["fps"] != facts.fps:
+        problems.append(f"fps is {info['fps']}, not {facts.fps}")
+    if info["features"]["action"]["names"] != list(facts.log.vector_names):
+        problems.append("joint names differ")
+    return problems
+
+
+def _check_columns(facts: Facts, root: Path, row: dict[str, Any], index: int, start: int, tasks: dict[str, int]) -> list[str]:
+    path = root / DATA_PATH.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
+    got = pq.read_table(path, filters=[("episode_index", "==", index)])
+    if len(got) != len(facts):
+        return [f"{len(got)} rows for {len(facts)} frames"]
+    problems = []
+    for name, want in data_columns(facts, index, start, tasks.get(facts.instruction, -1)).items():
+        column = got[name].combine_chunks()
+        values = column.flatten().to_numpy().reshape(want.shape) if want.ndim == 2 else column.to_numpy()
+        if not np.array_equal(values, want):
+            problems.append(f"column {name} differs")
+    return problems
+
+
+class _Videos:
+    """Reads the videos of a dataset forward only, each once; episodes must be asked for in order."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.leftover: list[str] = []
+        self._open: dict[str, tuple[Path, Iterator[tuple[float, NDArray[np.uint8]]]]] = {}
+
+    def read(self, key: str, chunk: int, file: int, count: int) -> list[tuple[float, NDArray[np.uint8]]]:
+        """The next `count` (time, picture) of a video file, fewer at its end."""
+        path = self.root / VIDEO_PATH.format(video_key=key, chunk_index=chunk, file_index=file)
+        current, frames = self._open.get(key, (None, iter(())))
+        if current != path:
+            self._finish(key)
+            frames = frames_of(path)
+            self._open[key] = path, frames
+        return [frame for _, frame in zip(range(count), frames, strict=False)]
+
+    def _finish(self, key: str) -> None:
+        if key in self._open:
+            path, frames = self._open.pop(key)
+            extra = sum(1 for _ in frames)
+            if extra:
+                self.leftover.append(f"{path}: has {extra} pictures of no episode")
+
+    def close(self) -> None:
+        """Read what is left of the open files."""
+        for key in list(self._open):
+            self._finish(key)
+
+
+def _check_pictures(file: EpisodeFile, camera: str, row: dict[str, Any], videos: _Videos) -> list[str]:
+    key = image_key(camera)
+    place = {name: row[f"videos/{key}/{name}"] for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")}
+    count = len(file)
+    got = videos.read(key, place["chunk_index"], place["file_index"], count)
+    if len(got) != count:
+        return [f"video holds {len(got)} pictures for {count} frames"]
+    times = place["from_timestamp"] + np.arange(count) / file.fps
+    if np.abs(np.array([t for t, _ in got]) - times).max() > 1e-4:
+        return ["video times are not those of the frames"]
+    if abs(place["to_timestamp"] - place["from_timestamp"] - count / file.fps) > 1e-4:
+        return ["to_timestamp is not the end of the episode"]
+    source = [f.astype(np.int16) for f in file.frames(camera)]
+    for t, (_, picture) in enumerate(got):
+        errors = {s: float(np.abs(source[s] - picture).mean()) for s in (t - 1, t, t + 1) if 0 <= s < count}
+        if errors[t] > PICTURE_TOLERANCE:
+            return [f"picture {t} is off by {errors[t]:.1f} of 255 on average"]
+        closest = min(errors, key=lambda s: errors[s])
+        if errors[closest] < errors[t] - SHIFT_MARGIN:
+            return [f"picture {t} shows frame {closest}"]
+    return []
