@@ -45,13 +45,14 @@ class Collider:
     """One convex collision piece.
 
     kind and size: box (hx, hy, hz half extents), sphere (r,), cylinder and capsule (r, half length) along local z, convex ()
-    with `vertices` (N,3). `pose` places it in the body frame.
+    with `vertices` (N,3). `pose` places it in the body frame, `weight` is its density relative to the other pieces.
     """
 
     kind: str
     size: tuple[float, ...]
     pose: Pose = field(default_factory=lambda: IDENTITY)
     vertices: NDArray[np.float64] | None = None
+    weight: float = 1.0
 
     def volume(self) -> float:
         """Volume in m^3 (convex: of the axis-aligned box, an upper bound)."""

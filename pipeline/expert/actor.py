@@ -1,0 +1,136 @@
+"""The expert at work in one running simulation: what it sees, what it holds, and how a planned beat becomes physics."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.expert.failure import PlanFailure
+from pipeline.expert.planner import Carried, Leg, Planner
+from pipeline.poses import Pose, compose, inverse
+from pipeline.world.body import Body
+from pipeline.world.objects.contract import Frames
+from pipeline.world.recorder import Recorder
+from pipeline.world.robots.contract import SIDES
+from pipeline.world.simulation import PHYSICS_HZ, Simulation
+
+Beat = dict[str, Leg]
+"""Legs of one or both arms that start together; the shorter one holds its end."""
+
+Skill = Callable[["Actor"], Iterator[Beat]]
+"""A skill plans beat by beat: what comes after a yield is planned from the state the beat led to. Raises PlanFailure."""
+
+SWEEP_EVERY = 4
+"""The sweep keeps every fourth physics step (60 Hz)."""
+
+
+@dataclass(eq=False)
+class Stream:
+    """Commands as they were executed: rows (A,) of drive targets and velocities per physics step."""
+
+    commands: list[NDArray[np.float64]]
+    velocities: list[NDArray[np.float64]]
+
+
+class Actor:
+    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps side -> what it carries."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        recorder: Recorder,
+        bodies: dict[str, Body],
+        arms: dict[str, str],
+        planner: Planner,
+        rng: np.random.Generator,
+        step_limit: int,
+    ) -> None:
+        self.simulation, self.recorder, self.bodies, self.arms = simulation, recorder, bodies, arms
+        self.planner, self.rng, self.max_steps = planner, rng, step_limit * (PHYSICS_HZ // recorder.fps)
+        self.held: dict[str, str] = {}
+        self.stream = Stream([], [])
+        self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
+        self._frames: dict[str, Frames] = {}
+
+    # --- seeing ---------------------------------------------------------------------------------------------------------
+
+    def pose(self, name: str) -> Pose:
+        """Measured world pose (7,) of a body."""
+        return self.simulation.pose(name)
+
+    def frames(self, name: str) -> Frames:
+        """Frames of a body in its own coordinates."""
+        if name not in self._frames:
+            self._frames[name] = self.bodies[name].instance.frames()
+        return self._frames[name]
+
+    def frame(self, name: str, point: str) -> Pose:
+        """World pose (7,) of a named frame of a body, measured."""
+        return compose(self.pose(name), self.frames(name)[point])
+
+    def tcp(self, side: str) -> Pose:
+        """Commanded tcp pose (7,) of an arm."""
+        return self.planner.fk(side, self.q(side))
+
+    def q(self, side: str) -> NDArray[np.float64]:
+        """Commanded arm joints of a side."""
+        return self.planner.split(self.simulation.command)[side][0]
+
+    def gripper(self, side: str) -> float:
+        """Commanded gripper value of a side, 0 closed to 1 open."""
+        return self.planner.split(self.simulation.command)[side][1]
+
+    def in_hand(self, side: str) -> Pose:
+        """Measured pose (7,) of the held body in the tcp frame of the arm. Raises PlanFailure("empty_hand")."""
+        if side not in self.held:
+            raise PlanFailure("empty_hand", f"the {side} arm holds nothing")
+        return compose(inverse(self.simulation.tcp(side)), self.pose(self.held[side]))
+
+    def carried(self) -> list[Carried]:
+        """What both arms carry, for the collision checker."""
+        return [Carried(side, name, self.in_hand(side)) for side, name in self.held.items()]
+
+    def obstacles(self) -> dict[str, Pose]:
+        """Measured poses of all bodies that nobody holds."""
+        return {name: self.pose(name) for name in self.bodies if name not in self.held.values()}
+
+    # --- acting ---------------------------------------------------------------------------------------------------------
+
+    def perform(self, skill: Skill) -> None:
+        """Plan and execute a skill to its end. Raises PlanFailure."""
+        for beat in skill(self):
+            self.execute(beat)
+
+    def execute(self, beat: Beat) -> None:
+        """Run the legs of a beat together; an arm without a leg holds still. Raises PlanFailure("step_limit")."""
+        length = max(len(leg.q) for leg in beat.values())
+        now = self.planner.split(self.simulation.command)
+        columns: list[NDArray[np.float64]] = []
+        speeds: list[NDArray[np.float64]] = []
+        for side in SIDES:
+            q, value = now[side]
+            leg = beat.get(side) or Leg(q[None], np.zeros((1, len(q))), np.array([value]))
+            pad = length - len(leg.q)
+            columns += [np.pad(leg.q, ((0, pad), (0, 0)), mode="edge"), np.pad(leg.gripper, (0, pad), mode="edge")[:, None]]
+            jaw = np.diff(leg.gripper, prepend=value) * PHYSICS_HZ
+            speeds += [np.pad(leg.qd, ((0, pad), (0, 0))), np.pad(jaw, (0, pad))[:, None]]
+        for command, velocity in zip(np.hstack(columns), np.hstack(speeds), strict=True):
+            self.advance(command, velocity)
+
+    def advance(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+        """One physics step, recorded. Raises PlanFailure("step_limit") beyond the task's limit."""
+        if self.simulation.steps >= self.max_steps:
+            raise PlanFailure("step_limit", f"{self.max_steps} physics steps were not enough")
+        self.simulation.step(command, velocity)
+        self.recorder.after_step()
+        self.stream.commands.append(command)
+        self.stream.velocities.append(velocity)
+        if self.simulation.steps % SWEEP_EVERY == 0:
+            self.sweep.append(self.simulation.poses())
+
+    def wait(self, seconds: float) -> None:
+        """Hold the last command."""
+        command = self.simulation.command
+        for _ in range(round(seconds * PHYSICS_HZ)):
+            self.advance(command, np.zeros(len(command)))

@@ -1,0 +1,308 @@
+"""What an arm can do. Each skill is a function that returns a generator of beats; tasks yield skills, `together` joins two arms.
+
+Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.expert.actor import Actor, Beat, Skill
+from pipeline.expert.failure import PlanFailure
+from pipeline.expert.grasping import backed_off, hand_poses, lifted, plan_grasp
+from pipeline.expert.planner import Leg
+from pipeline.expert.reach import fingertip_reach
+from pipeline.poses import Pose, compose, frame, inverse, pose, quat_about, quat_multiply, yawed
+from pipeline.world.simulation import PHYSICS_HZ
+
+APPROACH_SPEED = 0.30
+SQUEEZE_SECONDS = 0.15
+
+
+def _jaws(a: Actor, side: str, value: float, hold: float = SQUEEZE_SECONDS) -> Beat:
+    """The jaws travel to `value` at their own speed, then wait `hold` s; the arm stands still."""
+    gripper = a.planner.embodiment.arms[side].gripper
+    stroke = abs(gripper.opened[0] - gripper.closed[0]) * abs(value - a.gripper(side))
+    n = max(1, round(stroke / gripper.speed * PHYSICS_HZ))
+    values = np.concatenate([np.linspace(a.gripper(side), value, n + 1)[1:], np.full(round(hold * PHYSICS_HZ), value)])
+    q = np.repeat(a.q(side)[None], len(values), 0)
+    return {side: Leg(q, np.zeros_like(q), values)}
+
+
+def close(side: str) -> Skill:
+    """Close the gripper."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield _jaws(a, side, 0.0)
+
+    return act
+
+
+def open_(side: str) -> Skill:
+    """Open the gripper; whatever it held is let go."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        a.held.pop(side, None)
+        yield _jaws(a, side, 1.0)
+
+    return act
+
+
+def grasp(
+    side: str,
+    name: str,
+    *,
+    kinds: Sequence[str] | None = None,
+    goals: Sequence[Sequence[Pose]] = (),
+    standoff: float = 0.08,
+    pitch: float = 0.9,
+) -> Skill:
+    """Go to the standoff, in on a straight line, and close on body `name`. See grasping.plan_grasp for the arguments."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        if a.gripper(side) < 0.99:
+            yield _jaws(a, side, 1.0, hold=0.0)
+        plan = plan_grasp(a, side, name, kinds=kinds, goals=goals, standoff=standoff, pitch=pitch)
+        yield {side: plan.to_standoff}
+        yield {side: a.planner.timed(side, plan.line, a.gripper(side), minimum=standoff / APPROACH_SPEED)}
+        a.held[side] = name
+        yield _jaws(a, side, 0.0)
+
+    return act
+
+
+def together(*skills: Skill) -> Skill:
+    """Skills of different arms beat by beat at the same time, legs stretched to end together. Raises PlanFailure("arms_collide")."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        running = [skill(a) for skill in skills]
+        while running:
+            beat: Beat = {}
+            for one in list(running):
+                planned = next(one, None)
+                if planned is None:
+                    running.remove(one)
+                else:
+                    beat |= planned
+            if beat:
+                longest = max(len(leg.q) for leg in beat.values())
+                beat = {side: _stretched(leg, longest, a.q(side), a.gripper(side)) for side, leg in beat.items()}
+                _check_arms(a, beat)
+                yield beat
+
+    return act
+
+
+def _stretched(leg: Leg, rows: int, q0: NDArray[np.float64], value: float) -> Leg:
+    """The leg at a slower pace so that it fills `rows` steps; jaw motions keep their pace and wait."""
+    n = len(leg.q)
+    if n == rows:
+        return leg
+    if np.ptp(np.vstack([q0, leg.q]), axis=0).max() < 1e-9:
+        pad = rows - n
+        return Leg(
+            np.pad(leg.q, ((0, pad), (0, 0)), mode="edge"),
+            np.zeros((rows, leg.q.shape[1])),
+            np.pad(leg.gripper, (0, pad), mode="edge"),
+        )
+    at = np.arange(1, rows + 1) * (n / rows)
+    old = np.arange(n + 1)
+    q = np.vstack([q0, leg.q])
+    qd = np.vstack([np.zeros_like(q0), leg.qd])
+    stretch = [np.interp(at, old, column) for column in q.T]
+    speeds = [np.interp(at, old, column) * (n / rows) for column in qd.T]
+    return Leg(np.stack(stretch, 1), np.stack(speeds, 1), np.interp(at, old, np.concatenate([[value], leg.gripper])))
+
+
+def _check_arms(a: Actor, beat: Beat) -> None:
+    if len(beat) < 2:
+        return
+    left, right = beat["left"].q, beat["right"].q
+    n = max(len(left), len(right))
+    for k in range(0, n, 12):
+        free = a.planner.arms_apart(left[min(k, len(left) - 1)], right[min(k, len(right) - 1)])
+        if not free:
+            raise PlanFailure("arms_collide", "the arms would touch each other")
+
+
+def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
+    """Bring the tcp to the first of `poses` (N,7) or (7,) that can be reached without touching anything."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield {side: _go(a, side, np.atleast_2d(np.asarray(poses, float)), speed)}
+
+    return act
+
+
+def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Skill:
+    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached without touching anything."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield {side: _go(a, side, hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float))), speed)}
+
+    return act
+
+
+def _go(a: Actor, side: str, poses: NDArray[np.float64], speed: float = 1.0, tries: int = 8) -> Leg:
+    q, ok = a.planner.solve(a, side, poses)
+    if not ok.any():
+        raise PlanFailure("pose_unreachable", f"none of {len(poses)} poses is in reach of the {side} arm")
+    free = a.planner.checker(a, side)
+    for i in np.flatnonzero(ok):
+        if free(q[i]):
+            tries -= 1
+            try:
+                return a.planner.free_leg(a, side, q[i], free, speed)
+            except PlanFailure:
+                if tries <= 0:
+                    break
+    raise PlanFailure("path_blocked", f"the {side} arm finds no free way to {len(poses)} poses")
+
+
+def lift(side: str, height: float, *, speed: float = 0.25) -> Skill:
+    """Move the tcp straight up, without turning it; a shorter way (at least 60 %) is taken where the arm ends."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        start = a.tcp(side)
+        for part in (1.0, 0.8, 0.6):
+            path = a.planner.line(side, a.q(side), lifted(start, height * part))
+            if path is not None:
+                yield {side: a.planner.timed(side, path, a.gripper(side), minimum=abs(height) * part / speed)}
+                return
+        raise PlanFailure("line_unreachable", f"the {side} arm cannot lift by {height} m")
+
+    return act
+
+
+def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
+    """Draw the hand straight back along its approach axis."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield {side: a.planner.line_leg(a, side, backed_off(a.tcp(side), distance), speed)}
+
+    return act
+
+
+def home(side: str) -> Skill:
+    """Return the arm to its home joints."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        free = a.planner.checker(a, side)
+        yield {side: a.planner.free_leg(a, side, a.planner.home(side), free)}
+
+    return act
+
+
+def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> NDArray[np.float64]:
+    """Poses (N,7) of a body whose frame `local` coincides with `goal` up to a turn about the goal's z axis by each of `yaws`."""
+    turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
+    return compose(turned, inverse(local)[None])
+
+
+def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
+    """Pose at a position (3,) with z up."""
+    return yawed(position, yaw)
+
+
+ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6))
+"""Yaw angles to try for a body that may be set down in any direction."""
+
+
+def place(
+    side: str,
+    point: str,
+    onto: Pose,
+    *,
+    yaws: Sequence[float] = (0.0,),
+    above: float = 0.10,
+    press: float = 0.003,
+    speed: float = 0.2,
+) -> Skill:
+    """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        name = a.held.get(side, "")
+        local = a.frames(name)[point] if name else pose()
+        bodies = resting_poses(local, onto, yaws)
+        down = hand_poses(a, side, bodies)
+        over = lifted(down, above)
+        q, ok = a.planner.solve(a, side, over)
+        if not ok.any():
+            raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
+        free = a.planner.checker(a, side)
+        order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
+        reason = "place_unreachable"
+        for i in order[:12]:
+            line = a.planner.line(side, q[i], lifted(down[i], -press))
+            if line is None:
+                continue
+            reason = "place_blocked"
+            if not free(q[i]):
+                continue
+            try:
+                leg = a.planner.free_leg(a, side, q[i], free)
+            except PlanFailure:
+                continue
+            yield {side: leg}
+            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(above + press) / speed)}
+            return
+        raise PlanFailure(reason, f"the {side} arm cannot set {name} down there")
+
+    return act
+
+
+def press(
+    side: str,
+    spot: Pose,
+    *,
+    above: float = 0.08,
+    depth: float = 0.004,
+    speed: float = 0.25,
+    pitches: Sequence[float] = (1.25, 1.0, 1.5, 0.8),
+) -> Skill:
+    """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then straight down, `depth` m beyond."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        tip = fingertip_reach(a.planner.embodiment.arms[side])
+        candidates = []
+        for pitch in pitches:
+            for azimuth in np.arange(0, 2 * np.pi, np.pi / 8):
+                approach = np.array([np.cos(azimuth) * np.cos(pitch), np.sin(azimuth) * np.cos(pitch), -np.sin(pitch)])
+                for sign in (1, -1):
+                    across = sign * np.array([-np.sin(azimuth), np.cos(azimuth), 0])
+                    candidates.append(frame(spot[:3] - tip * approach, approach, across))
+        down = np.array(candidates)
+        q, ok = a.planner.solve(a, side, lifted(down, above))
+        if not ok.any():
+            raise PlanFailure("press_unreachable", f"the {side} arm cannot hover over the spot")
+        free = a.planner.checker(a, side)
+        order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
+        for i in order[:24]:
+            line = a.planner.line(side, q[i], lifted(down[i], -depth))
+            if line is None or not free(q[i]) or not all(free(row) for row in line[: len(line) * 3 // 4]):
+                continue
+            try:
+                leg = a.planner.free_leg(a, side, q[i], free)
+            except PlanFailure:
+                continue
+            yield {side: leg}
+            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(above + depth) / speed)}
+            return
+        raise PlanFailure("press_blocked", f"the {side} arm finds no free way down to the spot")
+
+    return act
+
+
+def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: float = 2.0) -> Skill:
+    """Turn the hand about an axis of its own tcp frame by `angle` rad while it rises by `rise` m; `speed` multiplies the pace."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        start = a.tcp(side)
+        goal = np.concatenate([start[:3] + (0, 0, rise), quat_multiply(start[3:], quat_about(axis, angle))])
+        path = a.planner.line(side, a.q(side), goal)
+        if path is None:
+            raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far")
+        yield {side: a.planner.timed(side, path, a.gripper(side), speed=speed)}
+
+    return act

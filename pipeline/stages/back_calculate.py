@@ -1,0 +1,49 @@
+"""Stage 2: the motion that brings the target to its manipulation pose at exactly the meeting time (design.md section 6)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.motion.back_calculate import NoMotion, draw_motion
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.stages.clearance import Clearance
+from pipeline.stages.dry_run import DryRun
+from pipeline.stages.failure import Failure
+from pipeline.stages.stage_set import Stage
+from pipeline.world.cameras import cameras_of, visible
+
+TAIL = 0.25
+"""Seconds after the meeting for which the straight continuation must stay in the workspace and in view."""
+
+_FRAME_MARGIN = 4.0  # pixels
+
+
+def back_calculate(stage: Stage, dry: DryRun, *, camera: str, lead: float, speed_bound: str) -> TargetMotion:
+    """Draw the target's motion. Raises Failure("back_calculate", "no_motion") when 1000 candidates are rejected."""
+    spec, task = stage.spec, stage.task
+    body = stage.bodies[task.target]
+    head = cameras_of(stage.embodiment, camera)[0]
+    top = float(body.instance.shape().aabb()[1, 2])
+
+    def seen(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """The frustum test of the head camera for the target's origin and top along each path."""
+        high = points + np.array([0, 0, top])
+        inside = visible(head.type, head.pose, points, _FRAME_MARGIN) & visible(head.type, head.pose, high, _FRAME_MARGIN)
+        return inside.all(-1)
+
+    clearance = Clearance(stage, dry)
+    try:
+        return draw_motion(
+            spec.level if spec.moving else 0,
+            spec.alpha,
+            dry.meeting,
+            body.pose,
+            task.workspace,
+            spec.rng("target_motion"),
+            visible=seen,
+            free=clearance.free,
+            lead=lead,
+            tail=TAIL,
+            speed_bound="maximum" if speed_bound == "maximum" else "average",
+        )
+    except NoMotion as no:
+        raise Failure("back_calculate", "no_motion", str(no)) from no

@@ -1,0 +1,62 @@
+"""Stage 1: run the task's expert on a target that stands still, and measure when it meets it (paper, appendix D.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.expert.failure import PlanFailure
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.stages.failure import Failure
+from pipeline.stages.stage_set import Stage, rest
+
+STAGE = "dry_run"
+
+
+@dataclass(eq=False)
+class DryRun:
+    """What the replay needs: the commands of the first half (M,A), when the meeting happened (s), what was in which hand then,
+    and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`."""
+
+    commands: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    meeting: float
+    held: dict[str, str]
+    sweep: NDArray[np.float64]
+    names: tuple[str, ...]
+    steps: int
+
+
+def dry_run(stage: Stage, fps: int) -> DryRun:
+    """Plan and run the whole script in the still scene; accept it only if the task succeeds there.
+
+    Raises Failure: a planning reason, early_meeting (the target was touched before the last skill of `meet`), no_meeting, or
+    no_success.
+    """
+    task = stage.task
+    end = stage.bodies[task.target].pose
+    actor = stage.start(TargetMotion.still(end, 1.0), fps, STAGE)
+    try:
+        last_began = 0.0
+        for skill in task.meet(actor):
+            last_began = actor.simulation.time
+            if actor.simulation.released:
+                raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
+            actor.perform(skill)
+        half = len(actor.stream.commands)
+        held, sweep = dict(actor.held), np.array(actor.sweep)
+        meeting = next((e.time for e in actor.simulation.events if e.name == "meeting"), None)
+        if meeting is None:
+            raise Failure(STAGE, "no_meeting", f"nothing touched the {task.target}")
+        if meeting < last_began:
+            raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
+        for skill in task.finish(actor):
+            actor.perform(skill)
+        rest(actor, task)
+    except PlanFailure as failure:
+        raise Failure(STAGE, failure.reason, str(failure)) from failure
+    if not stage.succeeded(actor.recorder.log()):
+        raise Failure(STAGE, "no_success", "the expert did not solve the still scene")
+    commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
+    steps = actor.simulation.steps + actor.simulation.settle_steps
+    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, steps)

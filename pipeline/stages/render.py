@@ -1,0 +1,56 @@
+"""The last stage: pictures from a state log. A pure function of the log, the scene and the visuals; no physics."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.episode import EpisodeFile, View
+from pipeline.stages.stage_set import Stage, set_stage
+from pipeline.world.cameras import cameras_of
+from pipeline.world.renderer import Renderer
+from pipeline.world.robots.contract import SIDES
+from pipeline.world.state_log import StateLog
+from pipeline.world.visuals import Visuals, draw_visuals
+
+
+def visuals_of(stage: Stage) -> Visuals:
+    """The look of an episode, from its own random stream."""
+    return draw_visuals(stage.spec.rng("visuals"), stage.spec.domain)
+
+
+def render(
+    stage: Stage,
+    log: StateLog,
+    *,
+    camera: str = "D435",
+    preset: str = "raster",
+    depth: bool = False,
+    segmentation: bool = False,
+    only: Sequence[str] | None = None,
+    visuals: Visuals | None = None,
+) -> list[View]:
+    """Pictures of every frame from the head and wrist cameras, or from those named in `only`."""
+    bodies = {name: body.instance.shape().visual for name, body in stage.bodies.items()}
+    for side in SIDES:
+        bodies |= {f"{side}_{link.name}": link.visual for link in stage.embodiment.arms[side].links}
+    cameras = [c for c in cameras_of(stage.embodiment, camera) if only is None or c.name in only]
+    poses = {name: log.pose(name) for name in bodies}
+    look = visuals or visuals_of(stage)
+    with Renderer(bodies, stage.embodiment.furniture, cameras, look, preset) as renderer:
+        return renderer.render(poses, depth=depth, segmentation=segmentation)
+
+
+def render_episode(
+    path: Path,
+    *,
+    camera: str = "D435",
+    preset: str = "raster",
+    depth: bool = True,
+    segmentation: bool = True,
+    only: Sequence[str] | None = None,
+) -> dict[str, View]:
+    """Render a stored episode again from its state log: views by camera name. Needs the code version it was made with."""
+    with EpisodeFile(path) as file:
+        episode = file.read()
+    stage = set_stage(episode.spec)
+    views = render(stage, episode.log, camera=camera, preset=preset, depth=depth, segmentation=segmentation, only=only)
+    return {view.camera.name: view for view in views}

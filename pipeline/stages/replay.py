@@ -1,0 +1,44 @@
+"""Stage 3: the recorded plan against the moving target, on one clock; what follows the meeting is planned live."""
+
+from dataclasses import dataclass
+
+from pipeline.expert.failure import PlanFailure
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.stages.dry_run import DryRun
+from pipeline.stages.failure import Failure
+from pipeline.stages.stage_set import Stage, rest, success_time
+from pipeline.world.state_log import Event, StateLog
+
+STAGE = "replay"
+
+
+@dataclass(eq=False)
+class Replay:
+    """The accepted rollout: its state log (events included) and the physics steps it took."""
+
+    log: StateLog
+    steps: int
+
+
+def replay(stage: Stage, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
+    """Play the first half back while the target moves, then finish the script live.
+
+    Raises Failure: missed (nothing touched the target in the first half), a planning reason, or no_success.
+    """
+    actor = stage.start(motion, fps, STAGE)
+    try:
+        for command, velocity in zip(dry.commands, dry.velocities, strict=True):
+            actor.advance(command, velocity)
+        if not actor.simulation.released:
+            raise Failure(STAGE, "missed", f"nothing touched the {stage.task.target} at the meeting")
+        actor.held = dict(dry.held)
+        for skill in stage.task.finish(actor):
+            actor.perform(skill)
+        rest(actor, stage.task)
+    except PlanFailure as failure:
+        raise Failure(STAGE, failure.reason, str(failure)) from failure
+    since = success_time(stage, actor.recorder.log())
+    if since is None:
+        raise Failure(STAGE, "no_success", "the task's condition does not hold at the end")
+    actor.recorder.extra.append(Event("success", since))
+    return Replay(actor.recorder.log(), actor.simulation.steps + actor.simulation.settle_steps)

@@ -1,0 +1,143 @@
+"""One slot, whole: attempts until an episode is accepted, its pictures, its file. The unit of work of every executor."""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.dataset import Dataset, SlotRecord, code_version, file_hash, slot_key, write_atomic
+from pipeline.episode import Episode, write_episode
+from pipeline.manifest import Recipe, Slot
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.spec import EpisodeSpec
+from pipeline.stages.back_calculate import back_calculate
+from pipeline.stages.dry_run import dry_run
+from pipeline.stages.failure import Failure
+from pipeline.stages.render import render, visuals_of
+from pipeline.stages.replay import Replay, replay
+from pipeline.stages.stage_set import Stage, set_stage
+from pipeline.tasks.language import instructions
+
+
+@dataclass(frozen=True)
+class SlotJob:
+    """What a worker is sent: where the dataset is, its recipe, and which slot to fill."""
+
+    root: str
+    recipe: Recipe
+    slot: Slot
+
+
+class Phases:
+    """Seconds spent per phase."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] += time.perf_counter() - began
+
+
+@dataclass(eq=False)
+class Rollout:
+    """An accepted attempt before it has pictures."""
+
+    stage: Stage
+    motion: TargetMotion
+    meeting: float
+    replay: Replay
+    steps: int
+
+
+def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
+    """The three stages for one spec. Raises Failure, with `steps` set to the physics steps spent."""
+    steps = 0
+    try:
+        with phases("scene"):
+            stage = set_stage(spec)
+        with phases("dry_run"):
+            dry = dry_run(stage, recipe.fps)
+        steps = dry.steps
+        with phases("back_calculate"):
+            motion = back_calculate(stage, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
+        with phases("replay"):
+            done = replay(stage, dry, motion, recipe.fps)
+    except Failure as failure:
+        failure.steps = max(failure.steps, steps)
+        raise
+    return Rollout(stage, motion, dry.meeting, done, steps + done.steps)
+
+
+def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
+    """The accepted rollout as an episode, without pictures."""
+    stage, task = rollout.stage, rollout.stage.task
+    words = {name: body.instance.words() for name, body in stage.bodies.items()}
+    spec = stage.spec
+    text = instructions(task.seen, task.unseen, words, stage.arms, spec.rng("language"), recipe.instructions)
+    objects = {
+        name: {
+            "family": body.family,
+            "noun": words[name].noun,
+            "description": words[name].seen[0],
+            "parameters": {k: v for k, v in vars(body.instance).items() if isinstance(v, int | float | str)},
+        }
+        for name, body in stage.bodies.items()
+    }
+    meta = {
+        "fps": recipe.fps,
+        "target": task.target,
+        "manipulated": task.manipulated,
+        "category": task.category,
+        "arms": stage.arms,
+        "objects": objects,
+        "T_meet": rollout.meeting,
+        "average_speed": rollout.motion.average_speed(),
+        "maximum_speed": rollout.motion.maximum_speed(),
+        "visuals": visuals_of(stage).to_json(),
+        "render": recipe.render,
+        "code_version": code_version(),
+    }
+    return Episode(spec, rollout.replay.log, rollout.motion.to_json(), text, meta)
+
+
+def fill_slot(job: SlotJob) -> SlotRecord:
+    """Try seeds until one is accepted or the budget is spent; write the episode and the ledger entry."""
+    dataset, recipe, slot = Dataset(Path(job.root)), job.recipe, job.slot
+    phases, rows, sha = Phases(), list[dict[str, Any]](), ""
+    path = dataset.episode(slot)
+    path.unlink(missing_ok=True)
+    for number in range(recipe.attempts):
+        spec, began = recipe.spec(slot, number), time.perf_counter()
+        row = asdict(slot.cell) | {"slot": slot.index, "attempt": number, "seed": spec.seed, "stage": "", "reason": ""}
+        try:
+            rollout = attempt(spec, recipe, phases)
+        except Failure as failure:
+            row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "sim_steps": failure.steps}
+        else:
+            with phases("render"):
+                views = render(
+                    rollout.stage,
+                    rollout.replay.log,
+                    camera=recipe.camera,
+                    preset=recipe.render,
+                    depth=recipe.depth,
+                    segmentation=recipe.segmentation,
+                )
+            with phases("write"):
+                write_episode(path, episode_of(rollout, recipe), views)
+                sha = file_hash(path)
+            row |= {"outcome": "accepted", "sim_steps": rollout.steps}
+        rows.append(row | {"seconds": time.perf_counter() - began})
+        if sha:
+            break
+    record = SlotRecord(slot_key(recipe, slot), bool(sha), sha, tuple(rows), dict(phases.seconds))
+    write_atomic(dataset.ledger(slot), record.to_json())
+    return record

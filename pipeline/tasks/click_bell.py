@@ -1,0 +1,58 @@
+"""click_bell: ring a moving service bell."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import close, lift, press
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class ClickBell(Task):
+    """Press the button of a moving bell with the closed fingers of the arm beside it.
+
+    Success: a finger of the acting arm touched the bell within 2.0 cm (plane, per axis) and 2.4 cm (height) of its button: the
+    tighter of the original's two tolerances, at every level. The original moves the body's origin to the contact point, which
+    shifts the button; here the motion is the body's and the button rides on it.
+    """
+
+    category = TRACKING
+    target = "bell"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    seen = (
+        "Press the top of {bell} with {arm}.",
+        "Use {arm} to ring {bell} while it moves.",
+        "Ring {bell}.",
+        "Tap the button on {bell}.",
+        "Catch up with {bell} and press it with {arm}.",
+        "Follow {bell} as it slides and push its button.",
+        "Hit the button of {bell} once.",
+        "Make {bell} ring by pressing it from above with {arm}.",
+        "Click {bell} as it passes by.",
+        "With {arm}, press down on {bell}.",
+    )
+    unseen = (
+        "Give {bell} a quick tap on its button.",
+        "Let {arm} chime {bell} while it is moving.",
+        "Sound {bell} by touching its top.",
+    )
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)
+        yield Placement("bell", draw.one_of("bell"), region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bell"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield close(a.arms["arm"])
+        yield press(a.arms["arm"], a.frame("bell", "button"))
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield lift(a.arms["arm"], 0.06)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        return o.touched(arms["arm"], "bell", "button", plane=0.020, height=0.024)

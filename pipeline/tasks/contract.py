@@ -1,0 +1,154 @@
+"""What a task is: a layout, a script in two halves and one success condition. docs/add_a_task.md walks through one."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.failure import PlanFailure
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import yawed
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects.contract import FAMILIES, Family
+
+INTERCEPTION, TRACKING = "interception", "tracking"
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a body's origin may stand on the table (m), its yaw (rad), and how far from x = 0 at least."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    yaw: tuple[float, float] = (0.0, 0.0)
+    away_from_centre: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from those placed before."""
+
+    name: str
+    instance: Family
+    region: Region
+    fixed: bool = False
+    gap: float = 0.02
+
+
+class Draw:
+    """The random choices of a layout, each from its own stream."""
+
+    def __init__(self, objects: np.random.Generator, placement: np.random.Generator) -> None:
+        self._objects, self._placement = objects, placement
+
+    def one_of(self, *families: str) -> Family:
+        """An instance of one of the named families."""
+        name = families[int(self._objects.integers(len(families)))]
+        return FAMILIES[name].draw(self._objects)
+
+    def side(self) -> int:
+        """-1 (left half of the table) or +1 (right half)."""
+        return int(self._placement.integers(2)) * 2 - 1
+
+    def uniform(self, low: float, high: float) -> float:
+        """A number of the placement stream."""
+        return float(self._placement.uniform(low, high))
+
+
+class Task:
+    """Base of the tasks: class attributes and four methods. A task keeps no state: everything it needs comes as an argument.
+
+    `target` is the body that moves on its own until the meeting; `manipulated` the one the arms handle (the same in interception
+    tasks). `workspace` bounds the target's path. `arms` names the acting arms for script and language, e.g. {"arm": "left"}.
+    """
+
+    name: ClassVar[str] = ""
+    category: ClassVar[str]
+    step_limit: ClassVar[int] = 400
+    target: ClassVar[str]
+    manipulated: ClassVar[str] = ""
+    workspace: ClassVar[Workspace] = Workspace(-0.35, 0.35, -0.25, 0.25)
+    seen: ClassVar[tuple[str, ...]]
+    unseen: ClassVar[tuple[str, ...]]
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        """The bodies of the scene, in the order they are placed. The target stands at its manipulation pose."""
+        raise NotImplementedError
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        """Roles of the arms, decided from the manipulation poses."""
+        raise NotImplementedError
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        """Planned once in the still scene; the meeting is the first touch of the target, inside its last skill."""
+        raise NotImplementedError
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        """Planned live from wherever things are after the meeting."""
+        yield from ()
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        """Whether the episode did what the task asks; the same for data, verification and evaluation."""
+        raise NotImplementedError
+
+
+TASKS: dict[str, Task] = {}
+
+
+def register[T: type[Task]](cls: T) -> T:
+    """Class decorator: enter a task under its name in snake case. Raises ValueError for a name that is taken."""
+    name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
+    if name in TASKS:
+        raise ValueError(f"task {name!r} is registered twice")
+    cls.name = name
+    cls.manipulated = cls.manipulated or cls.target
+    TASKS[name] = cls()
+    return cls
+
+
+def side_of(body: Body) -> str:
+    """The arm beside a body: left for x < 0."""
+    return "left" if body.pose[0] < 0 else "right"
+
+
+def place(task: Task, objects: np.random.Generator, placement: np.random.Generator, tries: int = 200) -> dict[str, Body]:
+    """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
+
+    Raises PlanFailure("layout") when a body finds no free place in `tries` draws.
+    """
+    bodies: dict[str, Body] = {}
+    names = {type_: name for name, type_ in FAMILIES.items()}
+    for p in task.layout(Draw(objects, placement)):
+        box = p.instance.shape().aabb()
+        for _ in range(tries):
+            x, y = placement.uniform(*sorted(p.region.x)), placement.uniform(*p.region.y)
+            pose = yawed((x, y, TABLE_TOP), placement.uniform(*p.region.yaw))
+            if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in bodies.values()):
+                break
+        else:
+            raise PlanFailure("layout", f"no free place for {p.name}")
+        bodies[p.name] = Body(p.name, names[type(p.instance)], p.instance, pose, p.fixed)
+    return bodies
+
+
+def _apart(pose: np.ndarray, box: np.ndarray, other: Body, gap: float) -> bool:
+    """Whether two upright boxes, seen from above, are at least `gap` apart (separating axes of both rectangles)."""
+    a, b = _rectangle(pose, box), _rectangle(other.pose, other.instance.shape().aabb())
+    for corners in (a, b):
+        for edge in (corners[1] - corners[0], corners[2] - corners[1]):
+            axis = edge / np.linalg.norm(edge)
+            pa, pb = a @ axis, b @ axis
+            if pa.min() - pb.max() >= gap or pb.min() - pa.max() >= gap:
+                return True
+    return False
+
+
+def _rectangle(pose: np.ndarray, box: np.ndarray) -> np.ndarray:
+    yaw = 2 * np.arctan2(pose[6], pose[3])
+    c, s = np.cos(yaw), np.sin(yaw)
+    (x0, y0, _), (x1, y1, _) = box
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return corners @ np.array([[c, s], [-s, c]]) + pose[:2]

@@ -1,0 +1,55 @@
+"""grab_roller: catch a moving roller with both arms."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import grasp, lift, together
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class GrabRoller(Task):
+    """Catch a moving rolling pin at both ends at the same time and lift it level.
+
+    Success: both arms hold it with both fingers, and it is 6 cm or more above where it lay (measured from its own start, not an
+    absolute height).
+    """
+
+    category = INTERCEPTION
+    target = "roller"
+    workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
+    seen = (
+        "Grab {roller} with both arms and lift it.",
+        "Catch {roller} with both hands.",
+        "Use both arms to pick up {roller}.",
+        "Lift {roller} by both ends.",
+        "Take {roller} at its two ends and raise it.",
+        "Catch {roller} while it moves and hold it up with both arms.",
+        "Pick {roller} up using {left} and {right}.",
+        "Grip {roller} with {left} and {right} together and lift.",
+        "Stop {roller} and raise it with both grippers.",
+        "Hold {roller} at both ends and lift it off the table.",
+    )
+    unseen = (
+        "Raise {roller} two-handed.",
+        "Snatch {roller} by its handles with both arms.",
+        "Let {left} and {right} lift {roller} together.",
+    )
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("roller", draw.one_of("roller"), Region(x=(-0.10, 0.10), y=(-0.22, -0.05), yaw=(-0.5, 0.5)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"left": "left", "right": "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield together(*(grasp(side, "roller", kinds=(f"{side}_end",), pitch=1.0) for side in ("left", "right")))
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield together(lift("left", 0.12), lift("right", 0.12))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        return all(o.holds(side, "roller") for side in arms.values()) and o.rise("roller") > 0.06

@@ -1,0 +1,78 @@
+"""handover_block: catch a moving block, hand it to the other arm, set it on a pad."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import carry, grasp, home, lift, open_, place, resting_poses, retreat, together, upright_goal
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4))
+
+
+@register
+class HandoverBlock(Task):
+    """Catch a long block with the left arm, hand it over to the right arm, which stands it on the blue pad.
+
+    Success: base of the block within 3 cm (plane, per axis) and 1 cm (height) of the pad's centre, resting on it upright, the
+    placing gripper measured open.
+    """
+
+    category = INTERCEPTION
+    step_limit = 800
+    target = "block"
+    seen = (
+        "Catch {block} with {giver}, hand it to {receiver} and stand it on {pad}.",
+        "Pass {block} from {giver} to {receiver} and place it on {pad}.",
+        "Hand {block} over and put it on {pad}.",
+        "Pick up {block}, give it to the other arm and set it on {pad}.",
+        "Grab {block} with {giver}; let {receiver} take it and place it on {pad}.",
+        "Move {block} onto {pad} by handing it from one arm to the other.",
+        "Take {block} while it moves, pass it across and stand it on {pad}.",
+        "Use {giver} to catch {block} and {receiver} to put it on {pad}.",
+        "Transfer {block} between the arms and set it down on {pad}.",
+        "Give {block} to {receiver} and have it placed upright on {pad}.",
+    )
+    unseen = (
+        "Relay {block} to {receiver}, which stands it on {pad}.",
+        "Swap {block} between hands, then park it on {pad}.",
+        "Let {giver} deliver {block} to the other arm for placing on {pad}.",
+    )
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.05, 0.15)), fixed=True)
+        yield Placement("block", draw.one_of("long_block"), Region(x=(-0.25, -0.05), y=(-0.10, 0.12), yaw=(-0.2, 0.2)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"giver": "left", "receiver": "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["giver"], "block", kinds=("high",), goals=[list(self._exchange())], pitch=0.4)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        giver, receiver = a.arms["giver"], a.arms["receiver"]
+        yield lift(giver, 0.10)
+        yield carry(giver, self._exchange())
+        centre = a.frame("pad", "centre")
+        goals = resting_poses(a.frames("block")["base"], centre, QUARTERS)
+        yield grasp(receiver, "block", kinds=("low",), goals=[list(goals)], pitch=0.4)
+        yield open_(giver)
+        yield retreat(giver, 0.09)
+        yield together(home(giver), lift(receiver, 0.03))
+        yield place(receiver, "base", centre, yaws=QUARTERS)
+        yield open_(receiver)
+        yield retreat(receiver, 0.08)
+
+    def _exchange(self) -> np.ndarray:
+        """Poses (N,7) of the block at which it may change hands: upright in the air, in the middle of the table."""
+        return np.stack(
+            [upright_goal((x, y, z), yaw) for z in (0.87, 0.83) for y in (-0.12, -0.05) for x in (0.0, -0.04) for yaw in QUARTERS]
+        )
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        d = abs(o.offset(o.frame("block", "base"), o.frame("pad", "centre")))
+        near = d[0] < 0.03 and d[1] < 0.03 and d[2] < 0.01
+        return bool(near) and o.upright("block") and o.rests_on("block", "pad") and o.opening(arms["receiver"]) > 0.8

@@ -1,0 +1,143 @@
+"""What happened, read from a state log: the vocabulary of success conditions, for data, verification and evaluation alike."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.poses import Pose, angle_between, compose, quat_rotate
+from pipeline.world.body import Body
+from pipeline.world.objects.contract import Frames
+from pipeline.world.robots.contract import SIDES, Embodiment
+from pipeline.world.state_log import StateLog
+
+OPEN = 0.8
+"""A gripper measured at 80 % of its opening or more counts as open."""
+
+
+class Outcome:
+    """A state log with the names and frames of its scene. Questions are about its last frame unless they say otherwise."""
+
+    def __init__(self, log: StateLog, bodies: Mapping[str, Body], embodiment: Embodiment, target: str) -> None:
+        self.log, self.bodies, self.embodiment, self.target = log, bodies, embodiment, target
+        self._frames: dict[str, Frames] = {}
+
+    def until(self, frames: int) -> "Outcome":
+        """The same episode cut after its first `frames` frames."""
+        log = self.log
+        cut = StateLog(
+            times=log.times[:frames],
+            bodies=log.bodies,
+            poses=log.poses[:frames],
+            joints=log.joints,
+            qpos=log.qpos[:frames],
+            qvel=log.qvel[:frames],
+            vector_names=log.vector_names,
+            state=log.state[:frames],
+            action=log.action[:frames],
+            tcp=log.tcp[:frames],
+            target_velocity=log.target_velocity[:frames],
+            contacts=log.contacts[log.contacts["frame"] < frames],
+            events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
+        )
+        return Outcome(cut, self.bodies, self.embodiment, self.target)
+
+    # --- where things are -----------------------------------------------------------------------------------------------
+
+    def pose(self, name: str, frame: int = -1) -> Pose:
+        """World pose (7,) of a body at a frame."""
+        return self.log.pose(name)[frame]
+
+    def frame(self, name: str, point: str, at: int = -1) -> Pose:
+        """World pose (7,) of a named frame of a body."""
+        if name not in self._frames:
+            self._frames[name] = self.bodies[name].instance.frames()
+        return compose(self.pose(name, at), self._frames[name][point])
+
+    def offset(self, a: Pose, b: Pose) -> NDArray[np.float64]:
+        """Position of pose a relative to b in world axes (3,), m."""
+        return a[:3] - b[:3]
+
+    def rise(self, name: str) -> float:
+        """How far (m) a body's origin is above where it began."""
+        return float(self.pose(name)[2] - self.pose(name, 0)[2])
+
+    def highest_rise(self, name: str) -> float:
+        """The largest rise (m) of a body over the episode."""
+        z = self.log.pose(name)[:, 2]
+        return float(z.max() - z[0])
+
+    def upright(self, name: str, tolerance: float = 0.26) -> bool:
+        """Whether a body's z axis is within `tolerance` rad of the vertical."""
+        return float(quat_rotate(self.pose(name)[3:], [0, 0, 1.0])[2]) > np.cos(tolerance)
+
+    def turned(self, name: str) -> float:
+        """Angle (rad) between a body's first and last orientation."""
+        return angle_between(self.pose(name)[3:], self.pose(name, 0)[3:])
+
+    def at_rest(self, name: str, speed: float = 0.03) -> bool:
+        """Whether a body moved slower than `speed` m/s over the last three frames."""
+        p, t = self.log.pose(name)[-4:, :3], self.log.times[-4:]
+        return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])
+
+    # --- grippers -------------------------------------------------------------------------------------------------------
+
+    def opening(self, side: str) -> float:
+        """Measured normalised opening of a gripper, 0 closed to 1 open."""
+        return float(self.log.state[-1, self.log.vector_names.index(f"{side}_gripper")])
+
+    def grippers_open(self) -> bool:
+        """Whether both grippers are measured open."""
+        return all(self.opening(side) > OPEN for side in SIDES)
+
+    # --- contacts -------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.log.bodies)}
+
+    def fingers(self, side: str) -> tuple[str, ...]:
+        """Names of the finger links of one arm."""
+        return tuple(f"{side}_{f}" for f in self.embodiment.arms[side].gripper.fingers)
+
+    def contacts(self, a: str, b: str, last: int | None = None) -> NDArray[np.void]:
+        """Contact rows (state_log.CONTACT_DTYPE) between two bodies, over the episode or its last `last` frames."""
+        i, j = sorted((self._index[a], self._index[b]))
+        rows = self.log.contacts
+        found = rows[(rows["a"] == i) & (rows["b"] == j)]
+        return found if last is None else found[found["frame"] >= len(self.log) - last]
+
+    def touching(self, a: str, b: str, last: int = 2) -> bool:
+        """Whether two bodies touched in the last frames."""
+        return len(self.contacts(a, b, last)) > 0
+
+    def holds(self, side: str, name: str) -> bool:
+        """Whether both fingers of an arm touch a body now."""
+        return all(self.touching(f, name) for f in self.fingers(side))
+
+    def handled(self, name: str) -> bool:
+        """Whether any link of either arm touches a body now."""
+        links = [n for n in self.log.bodies if n.startswith(("left_", "right_"))]
+        return any(self.touching(link, name) for link in links)
+
+    def rests_on(self, name: str, support: str) -> bool:
+        """Whether a body touches `support`, is at rest and no arm touches it."""
+        return self.touching(name, support) and self.at_rest(name) and not self.handled(name)
+
+    def touched(self, side: str, name: str, point: str, *, plane: float, height: float) -> bool:
+        """Whether a finger of an arm ever touched a body within `plane` m horizontally (per axis) and `height` m of a named frame."""
+        for finger in self.fingers(side):
+            for row in self.contacts(finger, name):
+                d = np.abs(row["point"] - self.frame(name, point, int(row["frame"]))[:3])
+                if d[0] < plane and d[1] < plane and d[2] < height:
+                    return True
+        return False
+
+    def swings(self, name: str, angle: float) -> int:
+        """How many times a body's z axis swung from more than `angle` rad on one side of its mean tilt axis to the other."""
+        tilt = quat_rotate(self.log.pose(name)[:, 3:], np.array([0, 0, 1.0]))[:, :2]
+        axis = np.linalg.svd(tilt - tilt.mean(0), full_matrices=False)[2][0]
+        signed = np.arcsin(np.clip(tilt @ axis, -1, 1))
+        sides = np.sign(signed[np.abs(signed) > angle])
+        return int(np.count_nonzero(np.diff(sides)))

@@ -1,0 +1,73 @@
+"""shake_bottle: catch a moving bottle and shake it."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import grasp, lift, turn
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+TILT = 0.9
+
+
+@register
+class ShakeBottle(Task):
+    """Catch a moving bottle, lift it, swing it from side to side three times and hold it upright again.
+
+    Success: the bottle is held 5 cm or more above where it stood, upright within 0.35 rad, and swung at least four times from more
+    than 0.4 rad on one side to the other. (The original tests only its height, so that lifting alone passes.)
+    """
+
+    category = INTERCEPTION
+    step_limit = 700
+    target = "bottle"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    seen = (
+        "Shake {bottle} with {arm}.",
+        "Catch {bottle} and shake it.",
+        "Pick up {bottle} while it moves and shake it well.",
+        "Use {arm} to grab {bottle} and swing it from side to side.",
+        "Grab {bottle}, lift it and shake it.",
+        "Give {bottle} a good shake.",
+        "Lift {bottle} with {arm} and shake it a few times.",
+        "Take hold of {bottle} as it slides past and shake it.",
+        "Mix what is in {bottle} by shaking it.",
+        "With {arm}, catch {bottle} and rock it back and forth.",
+    )
+    unseen = (
+        "Stop {bottle} and shake it up.",
+        "Have {arm} snatch {bottle} and give it a shake.",
+        "Agitate {bottle} above the table.",
+    )
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.03)
+        yield Placement("bottle", draw.one_of("bottle"), region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bottle"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["arm"], "bottle", pitch=0.3)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield lift(arm, 0.12)
+        tilt = TILT if self._rolls_freely(a, arm) else -TILT
+        yield turn(arm, (1, 0, 0), tilt, rise=0.03)
+        for _ in range(3):
+            yield turn(arm, (1, 0, 0), -2 * tilt, rise=-0.03)
+            yield turn(arm, (1, 0, 0), 2 * tilt, rise=0.03)
+        yield turn(arm, (1, 0, 0), -tilt)
+
+    def _rolls_freely(self, a: Actor, arm: str) -> bool:
+        """Which way the last joint has more room: the swing begins there."""
+        chain = a.planner.chains[arm]
+        q = a.q(arm)[-1]
+        return bool(chain.upper[-1] - q > q - chain.lower[-1])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        held = o.holds(arms["arm"], "bottle") and o.rise("bottle") > 0.05 and o.upright("bottle", 0.35)
+        return held and o.swings("bottle", 0.4) >= 4

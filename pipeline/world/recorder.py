@@ -1,0 +1,72 @@
+"""Turns a running simulation into a state log at the recording rate."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.world.robots.contract import SIDES
+from pipeline.world.simulation import PHYSICS_HZ, Simulation
+from pipeline.world.state_log import CONTACT_DTYPE, Event, StateLog
+
+CONTACT_EVERY = 8
+"""Contacts are sampled at every eighth physics step (30 Hz)."""
+
+
+class Recorder:
+    """Call `before_step` ahead of every physics step and `after_step` behind it; `log` is the episode so far.
+
+    Frame k is the state after 16 k steps (at 15 Hz over 240 Hz); its action is the command of the interval's last step.
+    Raises ValueError when `fps` does not divide the physics rate.
+    """
+
+    def __init__(self, simulation: Simulation, fps: int = 15) -> None:
+        if PHYSICS_HZ % fps:
+            raise ValueError(f"fps {fps} does not divide the physics rate of {PHYSICS_HZ} Hz")
+        self.simulation, self.fps = simulation, fps
+        self._every = PHYSICS_HZ // fps
+        self._rows: list[tuple[NDArray[np.float64], ...]] = []
+        self._actions: list[NDArray[np.float64]] = []
+        self._contacts: list[tuple[int, int, int, float, NDArray[np.float64]]] = []
+        self._open: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
+        self.extra: list[Event] = []
+        self._capture()
+
+    def after_step(self) -> None:
+        """Note contacts and, at the end of an interval, the frame."""
+        s = self.simulation
+        if s.steps % CONTACT_EVERY == 0:
+            for a, b, impulse, point in s.contacts():
+                if impulse > self._open.get((a, b), (0.0, None))[0]:
+                    self._open[a, b] = (impulse, point)
+        if s.steps % self._every == 0:
+            self._actions.append(np.array(s.command))
+            self._capture()
+
+    def _capture(self) -> None:
+        s = self.simulation
+        frame = len(self._rows)
+        self._contacts += [(frame, a, b, impulse, point) for (a, b), (impulse, point) in sorted(self._open.items())]
+        self._open = {}
+        qpos, qvel = s.qpos()
+        tcp = np.stack([s.tcp(side) for side in SIDES])
+        self._rows.append((s.poses(), qpos, qvel, s.state_vector(qpos), tcp, s.velocity(s.target)))
+
+    def log(self) -> StateLog:
+        """The state log up to the last full frame."""
+        s = self.simulation
+        poses, qpos, qvel, state, tcp, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
+        actions = [*self._actions, self._actions[-1] if self._actions else s.command]
+        return StateLog(
+            times=np.arange(len(self._rows)) / self.fps,
+            bodies=s.names,
+            poses=poses,
+            joints=s.joint_names,
+            qpos=qpos,
+            qvel=qvel,
+            vector_names=s.embodiment.vector_names,
+            state=state,
+            action=np.array(actions),
+            tcp=tcp,
+            target_velocity=velocity,
+            contacts=np.array([(f, a, b, i, p) for f, a, b, i, p in self._contacts], dtype=CONTACT_DTYPE),
+            events=sorted([*s.events, *self.extra], key=lambda e: e.time),
+        )
