@@ -80,6 +80,13 @@ def test_lead_moves_the_start_and_not_the_meeting():
     np.testing.assert_allclose(m.position(3.0), END[:3], atol=1e-12)
 
 
+def test_level_1_is_as_fast_with_a_lead_as_without():
+    # the law's share at alpha itself is 27 %
+    for lead in (0.0, 2.0):
+        speeds = [draw(1, seed, alpha=0.02, lead=lead).maximum_speed() for seed in range(100)]
+        assert 10 <= sum(speed > 0.02 - 1e-9 for speed in speeds) <= 50
+
+
 @pytest.mark.parametrize(("level", "alpha"), [(0, 0.0), (0, 0.3), (1, 0.0), (2, 0.0), (3, 0.0)])
 def test_level_0_and_alpha_0_are_the_same_still_target(level, alpha):
     rng = np.random.default_rng(0)

@@ -83,6 +83,18 @@ def test_level_3_pieces_join_and_add_up():
     assert speed.max() <= alpha * (1 + 1e-12)
 
 
+def test_level_3_straight_pieces_aim_at_the_whole_workspace():
+    alpha, total, n = 0.05, 1.5, 4000
+    paths = draw_level_3(np.random.default_rng(12), n, alpha, total, END, TABLE)
+    c, duration = paths.coefficients[:, 0], paths.durations[:, 0]
+    straight = (c[..., 2:] == 0).all((-1, -2))
+    clamped = np.linalg.norm(c[straight, :, 1], axis=-1) > alpha * duration[straight] - 1e-9
+    # a target is clamped unless it lies within alpha * duration of the start: at most that circle's share of the rectangle
+    unclamped = (np.pi * (alpha * duration[straight]) ** 2 / (0.7 * 0.4)).mean()
+    assert straight.sum() > 600
+    assert (~clamped).mean() < unclamped + 4 * np.sqrt(unclamped / straight.sum())
+
+
 def test_level_3_durations_are_dirichlet_above_the_shortest_piece():
     paths = draw_level_3(np.random.default_rng(10), 4000, 0.1, 4.0, END, TABLE)
     for count in (2, 3):
