@@ -1,0 +1,6 @@
+"""Parametric objects: `FAMILIES` by name; `FAMILIES["mug"].draw(rng)` is a mug."""
+
+from pipeline.world.objects import families
+from pipeline.world.objects.contract import FAMILIES, Family, Frames, Grasp, Words
+
+__all__ = ["FAMILIES", "Family", "Frames", "Grasp", "Words", "families"]

@@ -42,17 +42,17 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
 
 
-def band(radius: float, lower: float, upper: float, sides: int = 24, start: float = 0.0, turns: float = 1.0) -> Mesh:
-    """A label round a cylinder, from height `lower` to `upper`, beginning at azimuth `start` (rad) and going `turns` of the way.
+def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 2) -> Mesh:
+    """A label round a cylinder, from height `lower` to `upper`, readable from outside.
 
-    The unit square of uv covers it once, upright and readable from outside.
+    The picture is repeated `prints` times round it; the middle of one faces -y, the robot.
     """
-    angle = start + 2 * np.pi * turns * np.arange(sides + 1) / sides
+    angle = -np.pi / 2 - np.pi / prints + 2 * np.pi * np.arange(sides + 1) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     points = np.concatenate([np.column_stack([ring, np.full(sides + 1, z)]) for z in (lower, upper)])
     i = np.arange(sides)
     faces = np.concatenate([np.stack([i, i + 1, i + sides + 2], 1), np.stack([i, i + sides + 2, i + sides + 1], 1)])
-    uv = np.column_stack([np.tile(np.linspace(0, 1, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)])
+    uv = np.column_stack([np.tile(np.linspace(0, prints, sides + 1), 2), np.repeat([1.0, 0.0], sides + 1)])
     return finish(points, faces, uv[faces], 60.0)
 
 

@@ -2,11 +2,11 @@
 
 A candidate's pose is the tcp in the object frame: x = approach, y = opening direction. Pitch is the approach's angle below
 horizontal in degrees: 90 is straight down. Candidates whose palm would certainly sit inside the object's own outline are left
-out; everything else (table, reach, other bodies) is for the planner to reject. Both wrist rolls of a pinch are listed, except
-where the azimuths already contain them.
+out; everything else (table, reach, other bodies) is for the planner to reject. One of the two wrist rolls of a pinch is listed;
+the other is the same pinch with the jaws exchanged.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,10 @@ from pipeline.poses import frame
 from pipeline.world.objects.contract import Grasp
 
 PITCHES = (0, 15, 30, 45, 60, 75, 90)
+TILTED = (30, 45, 60, 75, 90)
 PALM = 0.036  # m from tcp back to the nearest palm of the supported grippers
 HALF_PALM = 0.018  # m, half thickness of the palm across the opening direction
-Outline = ArrayLike  # (K,2) of (radius, z): the silhouette of a round body
+RETREATS = (0.0, 0.004, 0.008)  # m the tcp may stay short of the middle so that the palm keeps clear
 
 Grasps = tuple[Grasp, ...]
 
@@ -27,49 +28,57 @@ def pinch(position: ArrayLike, approach: ArrayLike, opening: ArrayLike, width: f
     return Grasp(frame(position, approach, opening), float(width), kind)
 
 
+def low_heights(top: float) -> tuple[float, ...]:
+    """Tcp heights (m) above the table for a thing of height `top` that is taken from above.
+
+    Finger ends reach 9 to 20 mm past the tcp, depending on the gripper, so low things get several heights for the planner to try.
+    """
+    if top >= 0.035:
+        return (max(0.022, top - 0.025),)
+    return tuple(z for z in (0.012, 0.017, 0.022) if z <= top + 0.008)
+
+
 def side_pinches(
     radius: float,
     heights: float | Sequence[float],
     azimuths: int = 16,
     pitches: Sequence[float] = PITCHES,
-    outline: Outline | None = None,
+    outline: ArrayLike | None = None,
     kind: str = "side",
 ) -> Grasps:
     """Pinches across the diameter of an upright round body of `radius` at `heights`, from all around, level to straight down.
 
-    `outline` (K,2) of (radius, z) leaves out approaches whose palm would hit the body. For thick bodies the tcp stays up to 8 mm
-    short of the axis so that the palm does not touch.
+    `outline` (K,2) of (radius, z), heights ascending, leaves out approaches whose palm would hit the body; for thick bodies the tcp
+    stays up to 8 mm short of the axis so that the palm does not touch.
     """
-    short = float(np.clip(radius + 0.004 - PALM, 0.0, 0.008))
+    limits = None if outline is None else np.asarray(outline, float)
+
+    def hits(r: np.ndarray, z: np.ndarray) -> bool:
+        if limits is None:
+            return False
+        return bool(np.any(np.abs(r) < np.interp(z, limits[:, 1], limits[:, 0], left=-1.0, right=-1.0) + 0.001))
+
     found = []
     for height in np.atleast_1d(np.asarray(heights, float)):
-        for pitch in pitches:
-            p = np.radians(pitch)
-            retreat = short * np.cos(p)
-            if outline is not None and _palm_hits(np.asarray(outline, float), retreat, height, p):
+        for p in np.radians(pitches):
+            retreat = _retreat(hits, height, p)
+            if retreat is None:
                 continue
-            for k in range(azimuths):
-                a = 2 * np.pi * k / azimuths
+            for a in 2 * np.pi * np.arange(azimuths) / azimuths:
                 out, across = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
-                position = out * retreat + [0, 0, height]
-                width = 2 * radius
-                found.append(pinch(position, approach, across, width, kind))
-                if pitch < 90:
-                    found.append(pinch(position, approach, -across, width, kind))
+                position = out * retreat * np.cos(p) + [0, 0, height + retreat * np.sin(p)]
+                found.append(pinch(position, approach, across, 2 * radius, kind))
     return tuple(found)
 
 
-def _palm_hits(outline: np.ndarray, retreat: float, height: float, pitch: float) -> bool:
-    r, z = _palm_points(retreat, height, pitch)
-    order = np.argsort(outline[:, 1], kind="stable")
-    limit = np.interp(z, outline[order, 1], outline[order, 0], left=-1.0, right=-1.0)
-    return bool(np.any(np.abs(r) < limit + 0.001))
-
-
-def _palm_points(retreat: float, height: float, pitch: float) -> tuple[np.ndarray, np.ndarray]:
+def _retreat(hits: Callable[[np.ndarray, np.ndarray], bool], height: float, pitch: float) -> float | None:
     t = np.linspace(-HALF_PALM, HALF_PALM, 7)
-    return retreat + PALM * np.cos(pitch) - t * np.sin(pitch), height + PALM * np.sin(pitch) + t * np.cos(pitch)
+    for retreat in RETREATS:
+        back = PALM + retreat
+        if not hits(back * np.cos(pitch) - t * np.sin(pitch), height + back * np.sin(pitch) + t * np.cos(pitch)):
+            return retreat
+    return None
 
 
 def rim_pinches(
@@ -89,16 +98,14 @@ def rim_pinches(
     """
     found = []
     f = np.radians(flare)
-    for k in range(azimuths):
-        a = 2 * np.pi * k / azimuths
+    for a in 2 * np.pi * np.arange(azimuths) / azimuths:
         out, along = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
         up, across = out * np.sin(f) + [0, 0, np.cos(f)], out * np.cos(f) - [0, 0, np.sin(f)]
         position = out * radius + [0, 0, height] - up * depth - across * wall / 2
         for pitch in pitches:
             p = np.radians(pitch)
             for side in (1, -1) if pitch < 90 else (1,):
-                approach = side * along * np.cos(p) - up * np.sin(p)
-                found += [pinch(position, approach, sign * across, wall, kind) for sign in (1, -1)]
+                found.append(pinch(position, side * along * np.cos(p) - up * np.sin(p), across, wall, kind))
     return tuple(found)
 
 
@@ -106,39 +113,43 @@ def box_pinches(
     hx: float,
     hy: float,
     hz: float,
-    centre: ArrayLike = (0, 0, 0),
-    pitches: Sequence[float] = (30, 45, 60, 75, 90),
+    centre: ArrayLike | None = None,
+    heights: Sequence[float] | None = None,
+    pitches: Sequence[float] = TILTED,
     offsets: Sequence[float] = (-0.4, 0.0, 0.4),
-    depth: float = 0.025,
+    axes: str = "xy",
     widest: float = 0.072,
     kind: str = "side",
-    axes: str = "xy",
 ) -> Grasps:
-    """Pinches of a box of half extents around `centre` (its middle) from above, tilted about the opening axis to both sides.
+    """Pinches of a box of half extents from above, tilted about the opening axis to both sides.
 
-    Each horizontal dimension in `axes` that is at most `widest` m is pinched across, at `offsets` times the other half extent along
-    the other. The tcp lies `depth` below the top, or in the middle if that is higher.
+    The box stands on the table unless its `centre` (3,) says otherwise. Each horizontal dimension in `axes` that is at most
+    `widest` m is pinched across, at `offsets` times the half extent along the other. `heights` are of the tcp above the box's
+    base, by default those of `low_heights`.
     """
-    half, centre = np.array([hx, hy, hz]), np.asarray(centre, float)
-    z = hz - min(depth, hz)
+    half = np.array([hx, hy, hz])
+    base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     found = []
     for axis in ("xy".index(a) for a in axes):
         if 2 * half[axis] > widest:
             continue
-        opening, along = np.eye(3)[axis], np.eye(3)[1 - axis]
-        for offset in offsets:
-            shift = offset * half[1 - axis]
-            for pitch in pitches:
-                p = np.radians(pitch)
-                for side in (1, -1):
-                    a, b = _palm_points(-side * shift, z, p)
-                    if np.any((np.abs(a) < half[1 - axis] + 0.001) & (np.abs(b) < hz + 0.001)):
-                        continue
-                    approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
-                    if pitch == 90 and side < 0:
-                        continue
-                    position = centre + along * shift + [0, 0, z]
-                    found += [pinch(position, approach, sign * opening, 2 * half[axis], kind) for sign in (1, -1)]
+        opening, along, reach = np.eye(3)[axis], np.eye(3)[1 - axis], half[1 - axis]
+        for shift in np.asarray(offsets) * reach:
+            for height in low_heights(2 * hz) if heights is None else heights:
+                for pitch in pitches:
+                    p = np.radians(pitch)
+                    for side in (1, -1) if pitch < 90 else (1,):
+                        centre_line = -side * shift  # the box's middle lies here as seen from the palm's side
+
+                        def hits(r: np.ndarray, z: np.ndarray, middle: float = centre_line, reach: float = reach) -> bool:
+                            return bool(np.any((np.abs(r + middle) < reach + 0.001) & (z < 2 * hz + 0.001) & (z > 0)))
+
+                        retreat = _retreat(hits, height, p)
+                        if retreat is None:
+                            continue
+                        approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
+                        position = base + along * shift + [0, 0, height] - approach * retreat
+                        found.append(pinch(position, approach, opening, 2 * half[axis], kind))
     return tuple(found)
 
 
@@ -146,27 +157,25 @@ def bar_pinches(
     positions: Sequence[float],
     radius: float,
     height: float,
-    pitches: Sequence[float] = (30, 45, 60, 75, 90),
+    pitches: Sequence[float] = TILTED,
     rolls: Sequence[float] = (0,),
     kind: str = "bar",
-    lift: float = 0.0,
 ) -> Grasps:
-    """Pinches of a horizontal bar along x, axis at `height`, at x = `positions`, opening across the bar.
+    """Pinches of a horizontal bar along x, its axis at `height` above the table, at x = `positions`, opening across the bar.
 
     The approach leans along the bar to both sides by `pitches`; `rolls` (degrees) turn the pinch about the bar, raising one finger.
-    The tcp lies `lift` above the axis.
+    The tcp lies on the axis or a little above it, as `low_heights` says.
     """
+    lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     found = []
     for x in positions:
         for pitch in pitches:
             p = np.radians(pitch)
             for side in (1, -1) if pitch < 90 else (1,):
-                for roll in rolls:
-                    t = np.radians(roll)
+                for t in np.radians(rolls):
                     down, across = np.array([0, np.sin(t), -np.cos(t)]), np.array([0, np.cos(t), np.sin(t)])
                     approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
-                    position = np.array([x, 0, height]) - lift * down
-                    found += [pinch(position, approach, sign * across, 2 * radius, kind) for sign in (1, -1)]
+                    found += [pinch(np.array([x, 0, height]) - lift * down, approach, across, 2 * radius, kind) for lift in lifts]
     return tuple(found)
 
 
@@ -187,9 +196,4 @@ def handle_pinches(
     out = out - along * (out @ along)
     out /= np.linalg.norm(out)
     across = np.cross(out, along)
-    found = []
-    for lean in leans:
-        t = np.radians(lean)
-        approach = -out * np.cos(t) + along * np.sin(t)
-        found += [pinch(position, approach, sign * across, thickness, kind) for sign in (1, -1)]
-    return tuple(found)
+    return tuple(pinch(position, -out * np.cos(t) + along * np.sin(t), across, thickness, kind) for t in np.radians(leans))

@@ -1,0 +1,87 @@
+"""A service bell: a dome on a base, rung by the button on top."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import metal, painted, plastic
+from pipeline.world.objects.colliders import convex_collider, cylinder_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, cylinder, revolve
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import COLOURS, DARKS, describe, mark, pick, size_word
+from pipeline.world.shapes import Shape
+
+RADIUS = (0.028, 0.034)
+
+
+@register("bell")
+@dataclass(frozen=True)
+class Bell(Family):
+    radius: float
+    dome: float  # height of the dome
+    foot: float  # height of the base
+    knob: float  # radius of the button
+    finish: str  # "metal" or "painted"
+    colour: str
+    base_colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius, finish = rng.uniform(*RADIUS), pick(rng, ("metal", "painted"))
+        colour = pick(rng, ("silver", "gold") if finish == "metal" else COLOURS)
+        return cls(
+            radius,
+            radius * rng.uniform(0.72, 0.95),
+            rng.uniform(0.008, 0.014),
+            rng.uniform(0.006, 0.009),
+            finish,
+            colour,
+            pick(rng, [c for c in DARKS if c != colour]),
+        )
+
+    @property
+    def height(self) -> float:
+        """To the top of the button (m)."""
+        return self.foot + self.dome + 0.010
+
+    def outline(self) -> list[tuple[float, float]]:
+        """Silhouette of the dome, (radius, z) from the base up."""
+        r, d, f = self.radius, self.dome, self.foot
+        angle = np.radians([0, 20, 40, 60, 78])
+        return [(r, f), *((float(r * np.cos(a)), float(f + 0.006 + (d - 0.006) * np.sin(a))) for a in angle), (0.0, f + d)]
+
+    def shape(self) -> Shape:
+        r, f = self.radius, self.foot
+        skin = metal(self.colour) if self.finish == "metal" else painted(self.colour)
+        foot = cylinder(0.93 * r, f, 24, bevel=0.002)
+        dome = revolve([(0, f), (0.98 * r, f), *self.outline()], 24)
+        stem = at(cylinder(0.0035, 0.012, 8), (0, 0, f + self.dome - 0.004))
+        knob = at(cylinder(self.knob, 0.005, 16, bevel=0.0015), (0, 0, self.height - 0.005))
+        rings = [(rho * np.cos(a), rho * np.sin(a), z) for rho, z in self.outline() for a in np.arange(12) * np.pi / 6 if rho > 0]
+        return Shape(
+            visual=((foot, plastic(self.base_colour)), (dome, skin), (stem, metal()), (knob, metal())),
+            collision=disc(0.93 * r, f) + convex_collider(rings) + cylinder_collider(self.knob, f + self.dome - 0.003, self.height),
+            mass=0.25 * (r / 0.03) ** 2,
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        f, d = self.foot, self.dome
+        outline = [(self.radius, 0.0), *self.outline()[:-1], (self.knob, f + d), (self.knob, self.height)]
+        return Frames(
+            {"base": mark(0, 0, 0), "button": mark(0, 0, self.height), "top": mark(0, 0, self.height)},
+            side_pinches(self.radius, f + 0.008, outline=outline, kind="dome"),
+        )
+
+    def words(self) -> Words:
+        material = "metal" if self.finish == "metal" else "painted"
+        return describe(
+            "bell",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material=material,
+            traits=(f"on a {self.base_colour} base",),
+            unseen=("{colour} service bell", "counter bell", "{colour} call bell with a button on top"),
+        )

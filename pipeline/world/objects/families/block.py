@@ -1,0 +1,56 @@
+"""A cube, about 5 cm."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import painted, plastic, rubber
+from pipeline.world.objects.colliders import box_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.shapes import Shape
+
+SIDE = (0.044, 0.056)
+SKINS = {"painted": (painted, 600.0), "plastic": (plastic, 500.0), "rubber": (rubber, 700.0)}
+
+
+@register("block")
+@dataclass(frozen=True)
+class Block(Family):
+    side: float
+    bevel: float
+    material: str
+    colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        return cls(rng.uniform(*SIDE), rng.uniform(0.001, 0.006), pick(rng, tuple(SKINS)), pick(rng, COLOURS))
+
+    def shape(self) -> Shape:
+        h = self.side / 2
+        skin, density = SKINS[self.material]
+        return Shape(
+            visual=((at(box(h, h, h, self.bevel), (0, 0, h)), skin(self.colour)),),
+            collision=box_collider(h, h, h, (0, 0, h)),
+            mass=density * self.side**3,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        h = self.side / 2
+        top = mark(0, 0, self.side)
+        return Frames(
+            {"base": mark(0, 0, 0), "top": top, "centre": top}, box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,))
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "block",
+            self.colour,
+            size=size_word(self.side, SIDE),
+            material=self.material,
+            unseen=("{colour} cube", "{colour} square block", "{colour} toy brick"),
+        )

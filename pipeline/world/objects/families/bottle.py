@@ -1,0 +1,103 @@
+"""A capped bottle with a label, standing."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import plastic, print_texture, printed
+from pipeline.world.objects.colliders import convex_collider, cylinder_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, band, cylinder, revolve
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.15, 0.215)
+FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  # height of the shoulder in body radii
+
+
+@register("bottle")
+@dataclass(frozen=True)
+class Bottle(Family):
+    radius: float
+    height: float
+    form: str
+    neck: float  # radius of the cap
+    cap: float  # height of the cap
+    colour: str
+    cap_colour: str
+    label_colour: str
+    brand: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius, colour = rng.uniform(0.026, 0.032), pick(rng, COLOURS)
+        return cls(
+            radius,
+            rng.uniform(*HEIGHT),
+            pick(rng, tuple(FORMS)),
+            radius * rng.uniform(0.42, 0.56),
+            rng.uniform(0.014, 0.024),
+            colour,
+            other(rng, COLOURS, colour),
+            other(rng, COLOURS, colour),
+            pick(rng, BRANDS),
+            seed(rng),
+        )
+
+    @property
+    def body(self) -> float:
+        """Height of the cylindrical part (m)."""
+        return self.height - self.cap - 0.006 - FORMS[self.form] * self.radius
+
+    def outline(self) -> list[tuple[float, float]]:
+        """Silhouette (radius, z) from the base to the top of the neck."""
+        r, b, n, top = self.radius, self.body, self.neck * 0.85, self.height - self.cap
+        share = np.linspace(0, 1, 6)[1:]
+        rise = (top - 0.006 - b) * share
+        fall = 1 - share**1.4 if self.form == "sloping" else np.sqrt(np.maximum(0, 1 - share**2))
+        shoulder = n + (r - n) * fall
+        return [(0.9 * r, 0.0), (r, 0.004), (r, b), *zip(shoulder.tolist(), (b + rise).tolist(), strict=True), (n, top)]
+
+    def shape(self) -> Shape:
+        r, top = self.radius, self.height - self.cap
+        outline = self.outline()
+        skin = revolve([(0, 0), *outline, (0, top)], 24)
+        cap = at(cylinder(self.neck, self.cap, 18, bevel=0.0015), (0, 0, top))
+        label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body, 24)
+        picture = print_texture(self.label_colour, self.colour, "label", self.brand, self.seed)
+        shoulder = [p for p in outline if p[1] >= self.body]
+        rings = [(rho * np.cos(a), rho * np.sin(a), z) for rho, z in shoulder[:-1] for a in np.arange(12) * np.pi / 6]
+        return Shape(
+            visual=((skin, plastic(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(picture))),
+            collision=cylinder_collider(r, 0, self.body)
+            + convex_collider(rings)
+            + cylinder_collider(self.neck, top - 0.006, self.height),
+            mass=0.75 * 1000 * np.pi * r**2 * self.body,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        r, b = self.radius, self.body
+        top = self.height - self.cap
+        outline = [*self.outline()[:-1], (self.neck, top), (self.neck, self.height)]
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "cap": mark(0, 0, self.height), "middle": mark(0, 0, b / 2)},
+            side_pinches(r, (0.4 * b, 0.65 * b, b - 0.014), outline=outline),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "bottle",
+            self.colour,
+            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
+            material="plastic",
+            traits=(f"with a {self.cap_colour} cap",),
+            unseen=(
+                f"{{colour}} drink bottle with a {self.label_colour} label",
+                f"{self.form} {{colour}} bottle",
+                "{colour} flask",
+            ),
+        )

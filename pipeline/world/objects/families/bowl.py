@@ -1,0 +1,84 @@
+"""A bowl on a low foot."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import glaze
+from pipeline.world.objects.colliders import disc, ring_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import revolve
+from pipeline.world.objects.grasping import rim_pinches
+from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.shapes import Shape
+
+RADIUS = (0.052, 0.072)
+WALL = 0.004
+
+
+@register("bowl")
+@dataclass(frozen=True)
+class Bowl(Family):
+    radius: float
+    height: float
+    foot: float  # radius of the standing ring
+    belly: float  # how far the wall bulges beyond a straight cone, as a share of the radius
+    colour: str
+    inside: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius = rng.uniform(*RADIUS)
+        colour = pick(rng, COLOURS)
+        return cls(
+            radius,
+            radius * rng.uniform(0.68, 0.88),
+            radius * rng.uniform(0.48, 0.6),
+            rng.uniform(0.08, 0.17),
+            colour,
+            pick(rng, (colour, *PASTELS)),
+        )
+
+    def outer(self) -> list[tuple[float, float]]:
+        """Silhouette of the wall, (radius, z) from the foot to the rim, in three straight pieces."""
+        share = np.array([0, 0.3, 0.65, 1.0])
+        bulge = self.belly * self.radius * np.sin(np.pi * share)
+        r = self.foot + (self.radius - self.foot) * share + bulge
+        return [(float(a), float(b)) for a, b in zip(r, 0.005 + (self.height - 0.005) * share, strict=True)]
+
+    def shape(self) -> Shape:
+        outer = self.outer()
+        inner = [(r - WALL, z + 0.4 * WALL) for r, z in outer[-2:0:-1]]
+        lip = [(self.radius - WALL, self.height)]
+        floor = (outer[0][0] * 0.85, 0.005 + WALL)
+        outside = revolve([(0, 0), (self.foot, 0), *outer, *lip], 32, crease=50)
+        inside = revolve([*lip, *inner, floor, (0, 0.005 + WALL)], 32, crease=50)
+        tiers = tuple(c for (r0, z0), (r1, z1) in pairwise(outer) for c in ring_of_boxes(r0, WALL, z1 - z0, 14, z=z0, top=r1))
+        return Shape(
+            visual=((outside, glaze(self.colour)), (inside, glaze(self.inside))),
+            collision=disc(self.foot, 0.005 + WALL) + tiers,
+            mass=2300 * WALL * np.pi * (self.foot**2 + (self.foot + self.radius) * self.height),
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        (r0, z0), (r1, z1) = self.outer()[-2:]
+        flare = float(np.degrees(np.arctan2(r1 - r0, z1 - z0)))
+        floor = mark(0, 0, 0.005 + WALL)
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor},
+            rim_pinches(self.radius, WALL, self.height, flare=flare),
+        )
+
+    def words(self) -> Words:
+        traits = () if self.inside == self.colour else (f"with a {self.inside} inside",)
+        return describe(
+            "bowl",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material="ceramic",
+            traits=traits,
+            unseen=("{colour} soup bowl", "round {colour} ceramic vessel", "{colour} cereal bowl"),
+        )

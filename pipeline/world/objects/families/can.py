@@ -1,0 +1,76 @@
+"""A drink can."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import metal, print_texture, printed
+from pipeline.world.objects.colliders import cylinder_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, band, box, revolve
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.085, 0.125)
+
+
+@register("can")
+@dataclass(frozen=True)
+class Can(Family):
+    radius: float
+    height: float
+    colour: str
+    ink: str
+    style: str  # print: "label", "stripes", "diamond" or "dots"
+    brand: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(0.026, 0.033),
+            rng.uniform(*HEIGHT),
+            colour,
+            other(rng, COLOURS, colour),
+            pick(rng, ("label", "stripes", "diamond", "dots")),
+            pick(rng, BRANDS),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        r, h = self.radius, self.height
+        bottom = [(0, 0.002), (0.72 * r, 0.002), (0.78 * r, 0), (r, 0.008)]
+        lid = [(r, h - 0.010), (0.84 * r, h), (0.8 * r, h - 0.003), (0, h - 0.003)]
+        side = band(r + 0.0003, 0.008, h - 0.010, 24)
+        tab = at(box(0.009, 0.005, 0.0006), (0.3 * r, 0, h - 0.0020))
+        return Shape(
+            visual=(
+                (revolve([*bottom, *lid], 24), metal()),
+                (side, printed(print_texture(self.colour, self.ink, self.style, self.brand, self.seed), roughness=0.3)),
+                (tab, metal()),
+            ),
+            collision=disc(0.8 * r, 0.008) + cylinder_collider(r, 0.006, h - 0.008) + disc(0.84 * r, 0.01, h - 0.01),
+            mass=0.75 * 1000 * np.pi * r * r * h,
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        r, h = self.radius, self.height
+        outline = [(0.8 * r, 0.0), (r, 0.008), (r, h - 0.01), (0.84 * r, h)]
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)},
+            side_pinches(r, (0.5 * h, h - 0.026), outline=outline),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "can",
+            self.colour,
+            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
+            material="metal",
+            traits=(f"with {self.ink} print",),
+            unseen=("{colour} soda can", "{colour} drink can", f"{{colour}} tin with {self.ink} lettering"),
+        )

@@ -1,0 +1,71 @@
+"""A cup without handle: a tumbler of plastic, ceramic or metal."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import glaze, metal, plastic
+from pipeline.world.objects.colliders import disc, ring_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import revolve
+from pipeline.world.objects.grasping import rim_pinches, side_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.shapes import Shape
+
+RADIUS = (0.028, 0.034)
+WALL = 0.003
+SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": (metal, 4000.0)}
+
+
+@register("cup")
+@dataclass(frozen=True)
+class Cup(Family):
+    radius: float  # at the rim
+    foot: float  # at the base
+    height: float
+    material: str
+    colour: str
+    stripe: str  # colour of the band round it
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius, material = rng.uniform(*RADIUS), pick(rng, tuple(SKINS))
+        colour = pick(rng, COLOURS)
+        return cls(
+            radius, radius * rng.uniform(0.74, 0.98), radius * rng.uniform(2.4, 3.2), material, colour, other(rng, COLOURS, colour)
+        )
+
+    def shape(self) -> Shape:
+        r, f, h = self.radius, self.foot, self.height
+        skin, density = SKINS[self.material]
+        body = revolve([(0, 0), (f, 0), (r, h), (r - WALL, h), (f - WALL, WALL), (0, WALL)], 28)
+        low, high = 0.62, 0.76
+        stripe = revolve([(f + (r - f) * s + 0.0004, h * s) for s in (low, high)], 28)
+        return Shape(
+            visual=((body, skin(self.colour)), (stripe, plastic(self.stripe))),
+            collision=disc(f, WALL) + ring_of_boxes(f, WALL, h, 16, top=r),
+            mass=density * WALL * np.pi * (f**2 + (f + r) * h),
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        r, f, h = self.radius, self.foot, self.height
+        outline = [(f, 0.0), (r, h)]
+        flare = float(np.degrees(np.arctan2(r - f, h)))
+        side = [g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)]
+        floor = mark(0, 0, WALL)
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "inside": floor, "centre": floor},
+            (*side, *rim_pinches(r, WALL, h, flare=flare)),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "cup",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material=self.material,
+            traits=(f"with a {self.stripe} stripe",),
+            unseen=("{colour} tumbler", "{colour} drinking cup", "handleless {colour} cup"),
+        )

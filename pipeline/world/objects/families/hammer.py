@@ -1,0 +1,95 @@
+"""A mallet standing on its striking face: the head upright over the origin, the grip level along -x."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import pose
+from pipeline.world.materials import metal, painted, rubber, wood
+from pipeline.world.objects.colliders import ALONG_X, cylinder_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, cylinder, revolve
+from pipeline.world.objects.grasping import bar_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.shapes import Collider, Shape
+
+LENGTH = (0.17, 0.23)
+_STEEL_TO_WOOD = 9.0
+_METALS = ("silver", "charcoal", "gray")
+
+
+@register("hammer")
+@dataclass(frozen=True)
+class Hammer(Family):
+    length: float  # of the grip, from the head's axis
+    half: float  # half thickness of the grip
+    face: float  # radius of the striking face
+    reach: float  # height of the head as it stands
+    grip: str  # "wood" or "rubber"
+    colour: str
+    head_colour: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        grip = pick(rng, ("wood", "rubber"))
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.010, 0.0125),
+            rng.uniform(0.021, 0.026),
+            rng.uniform(0.066, 0.082),
+            grip,
+            pick(rng, ("oak", "walnut", "beech", "mahogany") if grip == "wood" else COLOURS),
+            pick(rng, (*_METALS, "red", "blue")),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        h, f, long, z = self.half, self.face, self.length, self.reach / 2
+        skin = wood(self.colour, self.seed) if self.grip == "wood" else rubber(self.colour)
+        steel = metal(self.head_colour) if self.head_colour in _METALS else painted(self.head_colour)
+        shaft = revolve(
+            [(0, 0), (0.85 * h, 0), (h, 0.012), (0.86 * h, 0.35 * long), (h, 0.62 * long), (0.6 * h, 0.7 * long), (0.6 * h, long), (0, long)],
+            12,
+            crease=60,
+        )  # fmt: skip
+        r = 0.82 * f
+        head = revolve(
+            [(0, 0), (f - 0.002, 0), (f, 0.002), (f, 0.011), (r, 0.016), (r, self.reach - 0.016), (f, self.reach - 0.011),
+             (f, self.reach - 0.002), (f - 0.002, self.reach), (0, self.reach)],
+            20,
+        )  # fmt: skip
+        collar = at(cylinder(1.25 * h, 2 * r + 0.004, 14, 0.002), (-r - 0.002, 0, z), ALONG_X)
+        grip = Collider("cylinder", (h, (long - f) / 2), pose((-(long + f) / 2, 0, z), ALONG_X))
+        return Shape(
+            visual=((at(shaft, (-long, 0, z), ALONG_X), skin), (head, steel), (collar, steel)),
+            collision=(
+                *(replace(c, weight=_STEEL_TO_WOOD) for c in cylinder_collider(f, 0.0, self.reach)),
+                grip,
+            ),
+            mass=0.30 * (f / 0.0235) ** 2,
+            friction=0.7,
+        )
+
+    def frames(self) -> Frames:
+        h, long, z = self.half, self.length, self.reach / 2
+        return Frames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(0, 0, self.reach),
+                "face": mark(0, 0, 0, (0, 0, -1)),
+                "grip": mark(-0.6 * long, 0, z),
+            },
+            bar_pinches([-0.85 * long, -0.72 * long, -0.6 * long], h, z, kind="handle"),
+        )
+
+    def words(self) -> Words:
+        colour = f"{self.colour} wood" if self.grip == "wood" else self.colour
+        return describe(
+            "hammer",
+            self.colour if self.grip == "rubber" else "wooden",
+            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
+            traits=(f"with a {colour} grip", f"with a {self.head_colour} head"),
+            unseen=(f"mallet with a {self.head_colour} head", f"mallet with a {colour} grip", "hand hammer"),
+        )

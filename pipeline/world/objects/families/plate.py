@@ -1,0 +1,67 @@
+"""A dinner plate: a flat floor with a raised rim."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import glaze, srgb
+from pipeline.world.objects.colliders import disc, ring_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import revolve
+from pipeline.world.objects.grasping import rim_pinches
+from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.shapes import Material, Shape
+
+RADIUS = (0.085, 0.12)
+WALL = 0.005
+
+
+@register("plate")
+@dataclass(frozen=True)
+class Plate(Family):
+    radius: float
+    height: float
+    well: float  # radius of the flat floor
+    colour: str
+    rim_colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius = rng.uniform(*RADIUS)
+        colour = pick(rng, PASTELS + COLOURS)
+        return cls(radius, rng.uniform(0.016, 0.024), radius * rng.uniform(0.58, 0.72), colour, pick(rng, (colour, *COLOURS)))
+
+    def shape(self) -> Shape:
+        r, h, w = self.radius, self.height, self.well
+        knee = WALL + 0.3 * (h - WALL)
+        under = [(0, 0), (w, 0), (0.6 * w + 0.4 * r, 0.35 * (h - WALL)), (r, h - WALL)]
+        inner_start = 0.985 * r
+        body = revolve(
+            [*under, (r, h), (inner_start, h), (0.6 * w + 0.4 * r, knee + 0.12 * h), (w, WALL), (0, WALL)],
+            36,
+            crease=50,
+        )
+        ring = revolve([(1.001 * r, h - WALL), (1.003 * r, h + 0.0003), (0.93 * r, h - 0.09 * h)], 36)
+        return Shape(
+            visual=((body, glaze(self.colour)), (ring, Material(srgb(self.rim_colour), roughness=0.22))),
+            collision=disc(w, WALL) + ring_of_boxes(w, WALL, h, 16, top=r),
+            mass=2300 * np.pi * r**2 * WALL * 1.05,
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        flare = float(np.degrees(np.arctan2(self.radius - self.well, self.height)))
+        grasps = rim_pinches(self.radius, WALL, self.height, 0.010, pitches=(60, 75, 90), flare=min(flare, 60.0))
+        return Frames({"base": mark(0, 0, 0), "centre": mark(0, 0, WALL), "top": mark(0, 0, self.height)}, grasps)
+
+    def words(self) -> Words:
+        traits = () if self.rim_colour == self.colour else (f"with a {self.rim_colour} rim",)
+        return describe(
+            "plate",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material="ceramic",
+            traits=traits,
+            unseen=("{colour} dinner plate", "round {colour} dish", "flat ceramic dish"),
+        )

@@ -1,0 +1,67 @@
+"""Small helpers every family uses: drawing from lists, marking frames, and words that are true of the sampled parameters."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Pose, frame
+from pipeline.world.objects.contract import Words
+
+COLOURS = (
+    "red", "green", "blue", "yellow", "orange", "purple", "pink", "teal", "cyan", "magenta", "lime", "navy", "maroon", "coral",
+    "turquoise", "indigo", "white", "black", "gray", "brown", "beige", "mint", "lavender", "sky blue", "dark green", "rust",
+)  # fmt: skip
+PASTELS = ("white", "cream", "beige", "mint", "lavender", "sky blue", "pink", "coral", "turquoise", "yellow")
+DARKS = ("black", "charcoal", "navy", "maroon", "dark green", "indigo", "brown", "gray")
+BRANDS = ("NOVA", "LUMA", "KIRO", "BERG", "SOLA", "TIVO", "MIRA", "ORBIT", "PEAK", "ZEST", "FLUX", "ALTO", "DELI", "RIVA")
+
+Range = tuple[float, float]
+
+
+def pick[T](rng: np.random.Generator, options: Sequence[T]) -> T:
+    """One of `options`, all equally likely."""
+    return options[int(rng.integers(len(options)))]
+
+
+def other[T](rng: np.random.Generator, options: Sequence[T], than: T) -> T:
+    """One of `options` that is not `than`."""
+    return pick(rng, [o for o in options if o != than])
+
+
+def seed(rng: np.random.Generator) -> int:
+    """An integer that fixes a texture."""
+    return int(rng.integers(1 << 30))
+
+
+def mark(x: float, y: float, z: float, normal: ArrayLike = (0, 0, 1), heading: ArrayLike = (1, 0, 0)) -> Pose:
+    """A functional frame at (x, y, z) m: its z axis is `normal`, its x axis as near `heading` as that allows."""
+    n = np.asarray(normal, float)
+    n = n / np.linalg.norm(n)
+    h = np.asarray(heading, float)
+    h = h - n * (h @ n)
+    return frame((x, y, z), h, np.cross(n, h))
+
+
+def size_word(value: float, bounds: Range, words: tuple[str, str, str] = ("small", "medium-sized", "large")) -> str:
+    """Which third of the family's range a value lies in, as a word."""
+    share = (value - bounds[0]) / (bounds[1] - bounds[0])
+    return words[min(2, max(0, int(3 * share)))]
+
+
+def describe(
+    noun: str, colour: str, *, size: str = "", material: str = "", traits: Sequence[str] = (), unseen: Sequence[str] = ()
+) -> Words:
+    """Words from true statements: seen phrases combine colour, size, material and `traits` ("with a black cap").
+
+    `unseen` are other nouns or phrases; "{colour}" in them is filled in.
+    """
+    seen = [noun, f"{colour} {noun}"]
+    if size:
+        seen += [f"{size} {noun}", f"{size} {colour} {noun}"]
+    if material:
+        seen += [f"{colour} {material} {noun}", f"{material} {noun}"]
+    for trait in traits:
+        seen += [f"{noun} {trait}", f"{colour} {noun} {trait}"]
+    phrases = tuple(dict.fromkeys(" ".join(s.split()) for s in seen))
+    return Words(noun, phrases[:8], tuple(u.format(colour=colour) for u in unseen))

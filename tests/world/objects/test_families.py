@@ -1,0 +1,206 @@
+"""Every registered family against its contract: determinism, geometry, grasps that hold material, words, rest, hollowness."""
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+import sapien
+
+from pipeline.poses import quat_rotate
+from pipeline.world.materials import PALETTE, WOODS
+from pipeline.world.objects import FAMILIES, Family
+from pipeline.world.shapes import Shape
+from tests.world.objects.rays import inside, merged
+
+NAMES = sorted(FAMILIES)
+SEEDS = range(20)
+TRIANGLES = 900
+BULKY = {"cabinet", "drawer", "big_bin", "dustbin", "table_bin", "basket", "rack", "pot", "skillet", "bread_basket", "plate"}
+HOLLOW = {"bowl", "cup", "mug", "pot", "skillet", "basket", "bread_basket", "table_bin", "big_bin", "dustbin", "drawer"}
+
+
+def rng(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(seed))
+
+
+@pytest.fixture(scope="module")
+def instances() -> dict[str, list[tuple[Family, Shape]]]:
+    made = {}
+    for name in NAMES:
+        drawn = [FAMILIES[name].draw(rng(seed)) for seed in SEEDS]
+        made[name] = [(d, d.shape()) for d in drawn]
+    return made
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_drawing_is_deterministic_and_varied(name, instances):
+    drawn = [d for d, _ in instances[name]]
+    assert drawn == [FAMILIES[name].draw(rng(seed)) for seed in SEEDS]
+    assert len({astuple(d) for d in drawn}) == len(drawn)
+    sizes = np.array([[v for v in astuple(d) if isinstance(v, float)] for d in drawn])
+    assert np.sum(np.ptp(sizes, axis=0) > 1e-4) >= 2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_visual_and_collision_agree_and_stand_on_the_ground(name, instances):
+    for drawn, shape in instances[name]:
+        points = np.concatenate([m.vertices for m, _ in shape.visual])
+        seen = np.stack([points.min(0), points.max(0)])
+        solid = shape.aabb()
+        if any(c.kind == "cylinder" for c in shape.collision):  # the bounds of turned cylinders are boxes' bounds
+            assert np.all(seen[0] - solid[0] > -0.004)
+            assert np.all(solid[1] - seen[1] > -0.004)
+        assert np.abs(seen - solid).max() < 0.009, (drawn, seen, solid)
+        assert abs(seen[0, 2]) < 1e-3
+        assert solid[0, 2] == pytest.approx(0, abs=1.5e-3)
+        assert 0.004 < shape.mass < 12
+        assert 0.2 < shape.friction <= 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_meshes_are_light_and_well_formed(name, instances):
+    for _, shape in instances[name]:
+        assert sum(len(m.triangles) for m, _ in shape.visual) <= TRIANGLES
+        for mesh, material in shape.visual:
+            assert np.isfinite(mesh.vertices).all()
+            assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1, abs=1e-4)
+            assert mesh.triangles.max() < len(mesh.vertices)
+            assert material.texture is None or mesh.uvs is not None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_lie_on_the_object(name, instances):
+    for drawn, shape in instances[name][:5]:
+        frames = drawn.frames()
+        assert frames["base"] == pytest.approx([0, 0, 0, 1, 0, 0, 0], abs=1e-9)
+        assert frames["top"][2] == pytest.approx(shape.aabb()[1, 2], abs=0.009)
+        lower, upper = shape.aabb()
+        for label, p in frames.points.items():
+            assert np.linalg.norm(p[3:]) == pytest.approx(1, abs=1e-9)
+            assert np.all((p[:3] > lower - 0.01) & (p[:3] < upper + 0.01)), label
+        with pytest.raises(KeyError, match="no frame"):
+            frames["nowhere"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_grasps_hold_material_with_room_for_the_fingers(name, instances):
+    """Along the opening direction, at the tcp or up to 12 mm ahead (inside the pads), material ends at +-width/2, then air."""
+    for drawn, shape in instances[name][:3]:
+        grasps = drawn.frames().grasps
+        chosen = rng(5).permutation(len(grasps))[:60]
+        for g in (grasps[k] for k in chosen):
+            assert 0 < g.width <= 0.075
+            approach, opening = quat_rotate(g.pose[3:], np.eye(3)[:2])
+            assert any(_held(shape, g.pose[:3] + ahead * approach, opening, g.width) for ahead in (0, 0.004, 0.008, 0.012)), (
+                drawn,
+                g,
+            )
+
+
+def _held(shape: Shape, at: np.ndarray, opening: np.ndarray, width: float) -> bool:
+    spans = merged([s for c in shape.collision if (s := inside(c, at, opening))])
+    near = [s for s in spans if s[0] < width / 2 + 0.01 and s[1] > -width / 2 - 0.01]
+    return bool(near) and abs(near[0][0] + width / 2) < 0.003 and abs(near[-1][1] - width / 2) < 0.003
+
+
+def test_a_pinch_beside_the_object_or_of_the_wrong_width_would_be_noticed(instances):
+    _, shape = instances["block"][0]
+    side = shape.aabb()[1, 2]
+    middle, y = np.array([0, 0, side / 2]), np.array([0.0, 1, 0])
+    assert _held(shape, middle, y, side)
+    assert not _held(shape, middle, y, side - 0.01)
+    assert not _held(shape, middle, y, side + 0.01)
+    assert not _held(shape, middle + [0.1, 0, 0], y, side)
+    assert not _held(shape, middle + [0, 0.01, 0], y, side)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_words_are_true_and_plenty(name, instances):
+    for drawn, _ in instances[name]:
+        words = drawn.words()
+        assert 4 <= len(words.seen) <= 8
+        assert 2 <= len(words.unseen) <= 3
+        assert len(set(words.seen) | set(words.unseen)) == len(words.seen) + len(words.unseen)
+        assert words.noun in words.seen
+        assert all(p == p.strip() and "{" not in p and not p.lower().startswith(("a ", "the ")) for p in words.seen + words.unseen)
+        own = {v for v in astuple(drawn) if isinstance(v, str)} | {"wooden"}
+        named = {c for c in (*PALETTE, *WOODS) for p in words.seen if f" {c} " in f" {p} "}
+        compound = {part for v in own for part in v.split()} | own
+        assert named <= compound, (named - compound, drawn)
+
+
+@pytest.fixture(scope="module")
+def settled(instances) -> dict[tuple[str, int], tuple[np.ndarray, np.ndarray]]:
+    """Poses (7,) after one second on a table, as displacement and quaternion, of three instances of every family."""
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.set_timestep(1 / 240)
+    scene.add_ground(0, render=False)
+    placed = {}
+    for i, name in enumerate(NAMES):
+        for k in range(3):
+            spot = np.array([1.5 * k, 1.5 * i, 0.002])
+            placed[name, k] = (add(scene, instances[name][k][1], spot), spot)
+    for _ in range(240):
+        scene.step()
+    return {key: (entity.pose.p - spot, entity.pose.q) for key, (entity, spot) in placed.items()}
+
+
+def add(scene: sapien.Scene, shape: Shape, at: np.ndarray) -> sapien.Entity:
+    material = sapien.physx.PhysxMaterial(shape.friction, shape.friction, 0.0)
+    body = sapien.physx.PhysxRigidDynamicComponent()
+    total = sum(c.weight * c.volume() for c in shape.collision)
+    for c in shape.collision:
+        local = sapien.Pose(c.pose[:3], c.pose[3:])
+        if c.kind == "box":
+            piece = sapien.physx.PhysxCollisionShapeBox(c.size, material)
+        elif c.kind == "sphere":
+            piece = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
+        elif c.kind == "convex":
+            piece = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1, 1, 1), material)
+        else:
+            form = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
+            piece = form(c.size[0], c.size[1], material)
+            local = local * sapien.Pose(q=[0.5**0.5, 0, 0.5**0.5, 0])
+        piece.set_local_pose(local)
+        piece.set_density(shape.mass * c.weight / total)
+        body.attach(piece)
+    entity = sapien.Entity()
+    entity.add_component(body)
+    entity.set_pose(sapien.Pose(at))
+    scene.add_entity(entity)
+    return entity
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_objects_rest_where_they_are_put(name, settled):
+    for k in range(3):
+        moved, turned = settled[name, k]
+        assert np.linalg.norm(moved[:2]) < 0.005
+        assert abs(moved[2] + 0.002) < 0.003
+        tilt = np.degrees(np.arccos(np.clip(quat_rotate(turned, (0, 0, 1))[2], -1, 1)))
+        assert tilt < 2
+
+
+@pytest.mark.parametrize("name", sorted(HOLLOW & set(NAMES)))
+def test_hollow_things_take_a_ball(name, instances):
+    drawn, shape = instances[name][0]
+    target = drawn.frames()["inside"]
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.set_timestep(1 / 240)
+    scene.add_ground(0, render=False)
+    add(scene, shape, np.zeros(3))
+    builder = scene.create_actor_builder()
+    builder.add_sphere_collision(radius=0.008, material=sapien.physx.PhysxMaterial(0.5, 0.5, 0.0))
+    ball = builder.build()
+    start = np.array([target[0] + 0.004, target[1] + 0.003, shape.aabb()[1, 2] + 0.02])
+    ball.set_pose(sapien.Pose(start))
+    for _ in range(240):
+        scene.step()
+    assert ball.pose.p[2] == pytest.approx(target[2] + 0.008, abs=0.006)
+
+
+def test_an_unknown_name_twice_is_refused():
+    from pipeline.world.objects.contract import register
+
+    with pytest.raises(ValueError, match="twice"):
+        register("bell")(type("Other", (), {}))
