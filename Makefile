@@ -15,7 +15,7 @@ export LP_NUM_THREADS ?= 1
 
 build: setup
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT)
-	$(VENV)/domino-data export lerobot $(OUT)
+	$(VENV)/domino-data export $(OUT) --format lerobot
 	$(VENV)/domino-data verify $(OUT)
 
 test: setup

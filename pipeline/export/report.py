@@ -3,7 +3,6 @@
 Summary tiles, speeds seen against alpha, and for every cell its outcomes and a few frames with the target's path drawn in.
 """
 
-import os
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pipeline.dataset import write_atomic
 from pipeline.episode import EpisodeError, open_episode
 from pipeline.export import report_html as html
 from pipeline.export.contact_sheet import encode, subtitle
@@ -85,18 +85,9 @@ def write_report(
     name = dataset.resolve().name
     body = [f"<h1>{escape(name)}</h1>", f'<p class="faint">{_scope(cells)}</p>', html.tiles(_summary(seen, rows))]
     body += [html.contents([t for t, _ in parts]), *(html.section(t, h) for t, h in parts)]
-    return _write(dataset / "report" / "index.html", html.page(f"{name}: report", body))
-
-
-def _write(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
+    page = dataset / "report" / "index.html"
+    write_atomic(page, html.page(f"{name}: report", body).encode())
+    return page
 
 
 def _scope(cells: Sequence[Cell]) -> str:

@@ -1,0 +1,137 @@
+"""Instructions: true, well formed, varied and repeatable."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.tasks import TASKS, place
+from pipeline.tasks.language import check_templates, instructions, sentence, slots
+from pipeline.world.objects.contract import Words
+
+BELL = Words("bell", ("red bell", "small bell", "desk bell"), ("round chime", "table bell"))
+PLATE = Words("plate", ("white plate", "dish"), ("flat plate",))
+SEEN = ("Press {bell} with {arm}.", "ring {bell}", "Move {bell} next to {plate}.")
+UNSEEN = ("Tap {bell} using {arm}", "Chime {bell}!")
+OBJECTS = {"bell": BELL, "plate": PLATE}
+
+
+def make(count: int = 100, seed: int = 0, seen=SEEN, unseen=UNSEEN, objects=OBJECTS, arms=None) -> dict[str, list[str]]:
+    return instructions(seen, unseen, objects, arms or {"arm": "left"}, np.random.default_rng(seed), count)
+
+
+def test_the_combinations_are_exactly_those_of_templates_and_words():
+    expected = {f"Press the {b} with the left arm." for b in BELL.seen} | {f"Ring the {b}." for b in BELL.seen}
+    expected |= {f"Move the {b} next to the {p}." for b in BELL.seen for p in PLATE.seen}
+    drawn = make(count=12)
+    assert len(drawn["seen"]) == 12 == len(expected) and set(drawn["seen"]) == expected
+    assert set(drawn["unseen"]) == {f"Tap the {b} using the left arm." for b in BELL.unseen} | {
+        f"Chime the {b}!" for b in BELL.unseen
+    }
+
+
+def test_templates_take_turns():
+    first = [text.split()[0] for text in make(count=9)["seen"]]
+    assert all(set(first[i : i + 3]) == {"Press", "Ring", "Move"} for i in (0, 3, 6))
+
+
+@given(seed=st.integers(0, 2**32), count=st.integers(1, 60))
+def test_any_draw_is_repeatable_of_the_right_length_and_never_repeats_at_once(seed, count):
+    drawn = make(count, seed)
+    assert drawn == make(count, seed)
+    for texts in drawn.values():
+        assert len(texts) == count
+        assert all(a != b for a, b in pairwise(texts))
+        assert all(re.fullmatch(r"[A-Z][^{}]*[.!?]", t) and "  " not in t for t in texts)
+
+
+def test_seeds_differ():
+    assert make(seed=0)["seen"] != make(seed=1)["seen"]
+
+
+def test_roles_name_the_arms_that_act():
+    drawn = make(4, seen=("Pass {bell} from {giver} to {receiver}.",), unseen=("Go.",), arms={"giver": "right", "receiver": "left"})
+    assert all(t.endswith("from the right arm to the left arm.") for t in drawn["seen"])
+    assert drawn["unseen"] == ["Go."] * 4
+    assert make(3, unseen=("Go.", "Go."))["unseen"] == ["Go."] * 3
+
+
+def test_an_arm_named_outright_is_used_only_where_it_acts():
+    seen = ("Ring {bell}.", "Ring {bell} with your left hand.")
+    assert any("left hand" in t for t in make(seen=seen, arms={"arm": "left"})["seen"])
+    assert not any("left hand" in t for t in make(seen=seen, arms={"arm": "right"})["seen"])
+    with pytest.raises(ValueError, match="no seen template is true"):
+        make(seen=seen[1:], arms={"arm": "right"})
+
+
+def test_two_bodies_do_not_share_a_description_where_they_need_not():
+    blocks = {n: Words("block", ("red block", "cube"), ("block",)) for n in ("upper", "lower")}
+    drawn = make(10, seen=("Put {upper} on {lower}.",), unseen=("Stack {upper} on {lower}.",), objects=blocks)
+    assert set(drawn["seen"]) == {"Put the red block on the cube.", "Put the cube on the red block."}
+    assert set(drawn["unseen"]) == {"Stack the block on the block."}  # nothing else can be said
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"seen": ("Ring {gong}.",)}, r"Ring \{gong\}.*\{gong\}: there are arm, bell, plate"),
+        ({"seen": ("Ring {bell.",)}, "malformed"),
+        ({"seen": ("Ring {}.",)}, "not a plain name"),
+        ({"arms": {"arm": "both"}}, "sides are left and right"),
+        ({"objects": {"bell": Words("bell", (), ("x",)), "plate": PLATE}}, "no description"),
+        ({"unseen": ()}, "no unseen template"),
+    ],
+)
+def test_bad_input_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        make(**change)
+
+
+@pytest.mark.parametrize(
+    ("seen", "unseen", "message"),
+    [
+        (("Ring {gong}.",), ("Go.",), r"unknown slot \{gong\}"),
+        (("Ring {bell}.", "ring {bell}"), ("Go.",), "given twice"),
+        (("Ring {bell}.",), ("Ring {bell}!",), "given twice"),
+        (("Ring the {bell}.",), ("Go.",), "article"),
+        (("Ring {bell!r}.",), ("Go.",), "not a plain name"),
+        ((), ("Go.",), "no seen templates"),
+    ],
+)
+def test_faults_of_templates_are_found(seen, unseen, message):
+    with pytest.raises(ValueError, match=message):
+        check_templates(seen, unseen, {"bell"}, {"arm"})
+
+
+def test_all_faults_are_listed_at_once():
+    with pytest.raises(ValueError, match=r"no unseen templates; .*\{gong\}; .*article"):
+        check_templates(("Ring {gong}.", "Ring the {bell}."), (), {"bell"}, ())
+
+
+def test_good_templates_pass():
+    check_templates(SEEN, UNSEEN, OBJECTS, {"arm"})
+
+
+def test_slots_come_once_in_order():
+    assert slots("Put {b} on {a}, then lift {b} with {arm}.") == ("b", "a", "arm")
+
+
+def test_sentences():
+    assert sentence("  take it.  then  go ") == "Take it. Then go."
+    assert sentence("really?") == "Really?"
+    assert sentence("move 0.5 cm") == "Move 0.5 cm."
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_the_templates_of_every_task(name):
+    task = TASKS[name]
+    rng = np.random.default_rng(0)
+    bodies = place(task, rng, rng)
+    arms = task.arms(bodies)
+    check_templates(task.seen, task.unseen, bodies, arms)
+    words = {n: b.instance.words() for n, b in bodies.items()}
+    drawn = instructions(task.seen, task.unseen, words, arms, rng, 200)
+    assert not set(drawn["seen"]) & set(drawn["unseen"])
