@@ -1,0 +1,289 @@
+"""Numba kernels of collision checking between convex pieces; `collision.py` is the public face.
+
+A piece is a convex core swept by a ball: box, cylinder, segment (capsule, sphere) or points, with a radius. Two pieces are in
+contact when the distance of their cores is at most the sum of the radii and the pair's margin. That question is answered by
+the Gilbert-Johnson-Keerthi distance algorithm (van den Bergen, "Collision Detection in Interactive 3D Environments", 2003) with
+two early exits: a separating direction proves "apart", a close point of the Minkowski difference proves "in contact". The
+closest point of a simplex follows Ericson, "Real-Time Collision Detection", 2005, section 5.1.
+
+Transforms are rows of 12: the rotation matrix row by row, then the translation. All kernels live in this one file because
+numba's disk cache notices changes of the file a function is in, not of the files it calls.
+"""
+
+import numpy as np
+from numba import njit
+
+BOX, CYLINDER, SEGMENT, POINTS = 0, 1, 2, 3
+MAX_ITERATIONS = 40
+
+
+@njit(cache=True, error_model="numpy")
+def chain_transforms(a, i, b, j, out, k):
+    """Write the product of the transforms a[i] and b[j] into out[k]. Rows are named by index: slices cost more than the work."""
+    for r in range(3):
+        x, y, z = a[i, 3 * r], a[i, 3 * r + 1], a[i, 3 * r + 2]
+        out[k, 3 * r] = x * b[j, 0] + y * b[j, 3] + z * b[j, 6]
+        out[k, 3 * r + 1] = x * b[j, 1] + y * b[j, 4] + z * b[j, 7]
+        out[k, 3 * r + 2] = x * b[j, 2] + y * b[j, 5] + z * b[j, 8]
+        out[k, 9 + r] = x * b[j, 9] + y * b[j, 10] + z * b[j, 11] + a[i, 9 + r]
+
+
+@njit(cache=True, error_model="numpy")
+def place_frames(parent, origin, prismatic, q, row, out):
+    """Write the world transforms (F+1,12) of frame 0, the world, and of F joint frames, which move along or about their own z."""
+    out[0] = 0.0
+    out[0, 0] = out[0, 4] = out[0, 8] = 1.0
+    for f in range(parent.shape[0]):
+        k = f + 1
+        chain_transforms(out, parent[f], origin, f, out, k)
+        if prismatic[f]:
+            for r in range(3):
+                out[k, 9 + r] += out[k, 3 * r + 2] * q[row, f]
+        else:
+            c, s = np.cos(q[row, f]), np.sin(q[row, f])
+            for r in range(3):
+                x, y = out[k, 3 * r], out[k, 3 * r + 1]
+                out[k, 3 * r], out[k, 3 * r + 1] = x * c + y * s, y * c - x * s
+
+
+@njit(cache=True, error_model="numpy")
+def support(kind, size, first, last, points, t, p, dx, dy, dz):
+    """Farthest point of the core of piece p, placed by t[p], in the world direction (dx, dy, dz)."""
+    lx = t[p, 0] * dx + t[p, 3] * dy + t[p, 6] * dz
+    ly = t[p, 1] * dx + t[p, 4] * dy + t[p, 7] * dz
+    lz = t[p, 2] * dx + t[p, 5] * dy + t[p, 8] * dz
+    shape = kind[p]
+    if shape == BOX:
+        px = size[p, 0] if lx >= 0 else -size[p, 0]
+        py = size[p, 1] if ly >= 0 else -size[p, 1]
+        pz = size[p, 2] if lz >= 0 else -size[p, 2]
+    elif shape == CYLINDER:
+        rim = np.sqrt(lx * lx + ly * ly)
+        scale = size[p, 0] / rim if rim > 1e-12 else 0.0
+        px, py = lx * scale, ly * scale
+        pz = size[p, 2] if lz >= 0 else -size[p, 2]
+    elif shape == SEGMENT:
+        px, py = 0.0, 0.0
+        pz = size[p, 2] if lz >= 0 else -size[p, 2]
+    else:
+        best, at = -np.inf, first[p]
+        for k in range(first[p], last[p]):
+            d = points[k, 0] * lx + points[k, 1] * ly + points[k, 2] * lz
+            if d > best:
+                best, at = d, k
+        px, py, pz = points[at, 0], points[at, 1], points[at, 2]
+    return (
+        t[p, 0] * px + t[p, 1] * py + t[p, 2] * pz + t[p, 9],
+        t[p, 3] * px + t[p, 4] * py + t[p, 5] * pz + t[p, 10],
+        t[p, 6] * px + t[p, 7] * py + t[p, 8] * pz + t[p, 11],
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def dot(a, b):
+    """Inner product of two rows (3,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, error_model="numpy")
+def closest_on_triangle(s, i, j, k, weights):
+    """Write the barycentric weights (3,) of the point of triangle s[i], s[j], s[k] closest to the origin (Ericson 5.1.5)."""
+    abx, aby, abz = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
+    acx, acy, acz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
+    d1 = -(abx * s[i, 0] + aby * s[i, 1] + abz * s[i, 2])
+    d2 = -(acx * s[i, 0] + acy * s[i, 1] + acz * s[i, 2])
+    d3 = -(abx * s[j, 0] + aby * s[j, 1] + abz * s[j, 2])
+    d4 = -(acx * s[j, 0] + acy * s[j, 1] + acz * s[j, 2])
+    d5 = -(abx * s[k, 0] + aby * s[k, 1] + abz * s[k, 2])
+    d6 = -(acx * s[k, 0] + acy * s[k, 1] + acz * s[k, 2])
+    vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    if d1 <= 0 and d2 <= 0:
+        weights[0], weights[1], weights[2] = 1.0, 0.0, 0.0
+    elif d3 >= 0 and d4 <= d3:
+        weights[0], weights[1], weights[2] = 0.0, 1.0, 0.0
+    elif d6 >= 0 and d5 <= d6:
+        weights[0], weights[1], weights[2] = 0.0, 0.0, 1.0
+    elif vc <= 0 and d1 >= 0 and d3 <= 0:
+        v = d1 / (d1 - d3)
+        weights[0], weights[1], weights[2] = 1.0 - v, v, 0.0
+    elif vb <= 0 and d2 >= 0 and d6 <= 0:
+        w = d2 / (d2 - d6)
+        weights[0], weights[1], weights[2] = 1.0 - w, 0.0, w
+    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        weights[0], weights[1], weights[2] = 0.0, 1.0 - w, w
+    else:
+        total = va + vb + vc
+        weights[0], weights[1], weights[2] = va / total, vb / total, vc / total
+
+
+@njit(cache=True, error_model="numpy")
+def origin_outside(s, i, j, k, opposite):
+    """True when the plane of s[i], s[j], s[k] separates the origin from s[opposite], or the tetrahedron is flat."""
+    ax, ay, az = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
+    bx, by, bz = s[k, 0] - s[i, 0], s[k, 1] - s[i, 1], s[k, 2] - s[i, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    towards_origin = -(nx * s[i, 0] + ny * s[i, 1] + nz * s[i, 2])
+    towards_other = nx * (s[opposite, 0] - s[i, 0]) + ny * (s[opposite, 1] - s[i, 1]) + nz * (s[opposite, 2] - s[i, 2])
+    return towards_origin * towards_other <= 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def keep(s, count, weights, v):
+    """Drop the points of weight zero, write the weighted point into v (3,), return the new count."""
+    v[0] = v[1] = v[2] = 0.0
+    kept = 0
+    for i in range(count):
+        if weights[i] > 0.0:
+            for c in range(3):
+                v[c] += weights[i] * s[i, c]
+                s[kept, c] = s[i, c]
+            kept += 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def reduce_simplex(s, count, weights, trial, v):
+    """Write the point of the simplex s[:count] closest to the origin into v (3,); return how many points span it, 4 if inside."""
+    weights[:] = 0.0
+    if count == 1:
+        weights[0] = 1.0
+    elif count == 2:
+        abx, aby, abz = s[1, 0] - s[0, 0], s[1, 1] - s[0, 1], s[1, 2] - s[0, 2]
+        length = abx * abx + aby * aby + abz * abz
+        along = -(abx * s[0, 0] + aby * s[0, 1] + abz * s[0, 2]) / length if length > 0.0 else 0.0
+        along = min(max(along, 0.0), 1.0)
+        weights[0], weights[1] = 1.0 - along, along
+    elif count == 3:
+        closest_on_triangle(s, 0, 1, 2, weights)
+    else:
+        best, inside = np.inf, True
+        for face in range(4):
+            i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
+            if not origin_outside(s, i, j, k, face):
+                continue
+            inside = False
+            closest_on_triangle(s, i, j, k, trial)
+            x = trial[0] * s[i, 0] + trial[1] * s[j, 0] + trial[2] * s[k, 0]
+            y = trial[0] * s[i, 1] + trial[1] * s[j, 1] + trial[2] * s[k, 1]
+            z = trial[0] * s[i, 2] + trial[1] * s[j, 2] + trial[2] * s[k, 2]
+            distance = x * x + y * y + z * z
+            if distance < best:
+                best = distance
+                weights[face] = 0.0
+                weights[i], weights[j], weights[k] = trial[0], trial[1], trial[2]
+        if inside:
+            return 4
+    return keep(s, count, weights, v)
+
+
+@njit(cache=True, error_model="numpy")
+def within(kind, size, first, last, points, t, a, b, reach, s, weights, trial, v):
+    """True when the cores of pieces a and b are at most `reach` m apart; s (4,3), weights (4,), trial (4,), v (3,) are scratch."""
+    for c in range(3):
+        v[c] = t[a, 9 + c] - t[b, 9 + c]
+    if dot(v, v) < 1e-20:
+        v[0] = 1.0
+    count = 0
+    for _ in range(MAX_ITERATIONS):
+        ax, ay, az = support(kind, size, first, last, points, t, a, -v[0], -v[1], -v[2])
+        bx, by, bz = support(kind, size, first, last, points, t, b, v[0], v[1], v[2])
+        wx, wy, wz = ax - bx, ay - by, az - bz
+        along, square = v[0] * wx + v[1] * wy + v[2] * wz, dot(v, v)
+        if along > 0.0 and along * along > reach * reach * square:
+            return False
+        if count > 0 and square - along <= 1e-9 * square:
+            return square <= reach * reach
+        s[count, 0], s[count, 1], s[count, 2] = wx, wy, wz
+        count = reduce_simplex(s, count + 1, weights, trial, v)
+        if count == 4 or dot(v, v) <= reach * reach + 1e-18:
+            return True
+    # Rounding made the simplex cycle, which happens only within micrometres of touching.
+    return dot(v, v) <= (reach + 1e-5) ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def centre_far_from(t, a, half, b, distance):
+    """True when the centre of piece b is more than `distance` m from the box of half extents half[a] around piece a."""
+    x, y, z = t[b, 9] - t[a, 9], t[b, 10] - t[a, 10], t[b, 11] - t[a, 11]
+    dx = max(abs(t[a, 0] * x + t[a, 3] * y + t[a, 6] * z) - half[a, 0], 0.0)
+    dy = max(abs(t[a, 1] * x + t[a, 4] * y + t[a, 7] * z) - half[a, 1], 0.0)
+    dz = max(abs(t[a, 2] * x + t[a, 5] * y + t[a, 8] * z) - half[a, 2], 0.0)
+    return dx * dx + dy * dy + dz * dz > distance * distance
+
+
+@njit(cache=True, error_model="numpy")
+def balls_far_apart(frames, frame, balls, a, b, margin):
+    """True when the bounding balls (x, y, z in the frame, radius) of owners a and b are more than `margin` m apart."""
+    square = 0.0
+    i, j = frame[a], frame[b]
+    for c in range(3):
+        u = (
+            frames[i, 3 * c] * balls[a, 0]
+            + frames[i, 3 * c + 1] * balls[a, 1]
+            + frames[i, 3 * c + 2] * balls[a, 2]
+            + frames[i, 9 + c]
+        )
+        w = (
+            frames[j, 3 * c] * balls[b, 0]
+            + frames[j, 3 * c + 1] * balls[b, 1]
+            + frames[j, 3 * c + 2] * balls[b, 2]
+            + frames[j, 9 + c]
+        )
+        square += (u - w) * (u - w)
+    far = balls[a, 3] + balls[b, 3] + margin
+    return square > far * far
+
+
+@njit(cache=True, error_model="numpy")
+def first_contact(
+    parent,
+    origin,
+    prismatic,
+    frame,
+    local,
+    kind,
+    size,
+    radius,
+    half,
+    bound,
+    first,
+    last,
+    points,
+    owner_frame,
+    balls,
+    bodies,
+    starts,
+    margin,
+    pair_a,
+    pair_b,
+    q,
+):
+    """(row, pair) of the first contact over joint rows q (K,F), or (-1, -1).
+
+    Frames: parent (F,), origin (F,12), prismatic (F,). Pieces: frame (P,), local (P,12), kind (P,), core size (P,3), radius (P,),
+    half extents of the core (P,3), radius of the core's bounding ball (P,), vertex range first, last (P,) in points (V,3).
+    Owners: owner_frame (O,), balls (O,4). Pairs of owners: bodies (G,2), margin (G,), and their piece pairs
+    starts[g]:starts[g+1] in pair_a, pair_b (M,).
+    """
+    frames, t = np.empty((parent.shape[0] + 1, 12)), np.empty((frame.shape[0], 12))
+    s, weights, trial, v = np.empty((4, 3)), np.empty(4), np.empty(4), np.empty(3)
+    for row in range(q.shape[0]):
+        place_frames(parent, origin, prismatic, q, row, frames)
+        for p in range(frame.shape[0]):
+            chain_transforms(frames, frame[p], local, p, t, p)
+        for g in range(bodies.shape[0]):
+            if balls_far_apart(frames, owner_frame, balls, bodies[g, 0], bodies[g, 1], margin[g]):
+                continue
+            for m in range(starts[g], starts[g + 1]):
+                a, b = pair_a[m], pair_b[m]
+                reach = radius[a] + radius[b] + margin[g]
+                dx, dy, dz = t[a, 9] - t[b, 9], t[a, 10] - t[b, 10], t[a, 11] - t[b, 11]
+                far = bound[a] + bound[b] + reach
+                if dx * dx + dy * dy + dz * dz > far * far:
+                    continue
+                if centre_far_from(t, a, half, b, bound[b] + reach) or centre_far_from(t, b, half, a, bound[a] + reach):
+                    continue
+                if within(kind, size, first, last, points, t, a, b, reach, s, weights, trial, v):
+                    return row, m
+    return -1, -1

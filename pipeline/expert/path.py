@@ -1,0 +1,145 @@
+"""Collision-free joint paths: the straight line if it is free, otherwise RRT-Connect with shortcuts.
+
+A checker `is_free` takes joint rows (K,n) and says whether all of them are free; one call per edge keeps Python out of the
+inner loop. `Scene.free` and `Scene.free_both` are such checkers; `row_by_row` makes one from a predicate of a single row.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+IsFree = Callable[[Floats], bool]
+
+RESOLUTION = 0.05  # rad (or m) between checked states of an edge, in the joint that moves most
+STEP = 0.5  # rad (or m) by which a tree grows at a time, in the joint that moves most
+
+
+def straight(q0: ArrayLike, q1: ArrayLike, resolution: float = RESOLUTION) -> Floats:
+    """Rows (K,n), K >= 2, on the straight joint-space line from q0 to q1, both included; no joint moves more than `resolution`."""
+    a, b = np.asarray(q0, float), np.asarray(q1, float)
+    count = 1 + max(1, int(np.ceil(np.abs(b - a).max() / resolution - 1e-9)))
+    rows = np.asarray(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a), np.float64)
+    rows[-1] = b
+    return rows
+
+
+def dense(waypoints: ArrayLike, resolution: float = RESOLUTION) -> Floats:
+    """Rows (M,n) on the polyline through `waypoints` (K,n), at most `resolution` apart in every joint, corners included."""
+    corners = np.atleast_2d(np.asarray(waypoints, float))
+    legs = [straight(a, b, resolution)[1:] for a, b in pairwise(corners)]
+    return np.concatenate([corners[:1], *legs])
+
+
+def row_by_row(predicate: Callable[[Floats], bool]) -> IsFree:
+    """Checker of rows (K,n) from a predicate of one row (n,)."""
+    return lambda q: all(predicate(row) for row in np.atleast_2d(q))
+
+
+def connect(
+    is_free: IsFree,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    limits: tuple[ArrayLike, ArrayLike],
+    iterations: int = 400,
+    shortcuts: int = 60,
+    resolution: float = RESOLUTION,
+) -> Floats | None:
+    """Waypoints (K,n) of a free polyline from q0 (n,) to q1 (n,), (2,n) when the straight line is free, or None.
+
+    RRT-Connect (Kuffner and LaValle, ICRA 2000) between `limits` (lower (n,), upper (n,)), at most `iterations` samples, then
+    shortcuts. Edges are checked every `resolution` rad. Two arms at once are one stacked vector.
+    """
+    a, b = np.asarray(q0, float), np.asarray(q1, float)
+    if not is_free(np.stack([a, b])):
+        return None
+
+    def edge(p: Floats, q: Floats) -> bool:
+        return is_free(straight(p, q, resolution))
+
+    if edge(a, b):
+        return np.stack([a, b])
+    lower, upper = np.asarray(limits[0], float), np.asarray(limits[1], float)
+    grow, aim = _Tree(a), _Tree(b)
+    for iteration in range(iterations):
+        sample = rng.uniform(lower, upper)
+        new = grow.extend(sample, edge)
+        if new is not None:
+            met = aim.reach(grow.points[new], edge)
+            if met is not None:
+                there, back = grow.branch(new), aim.branch(met)
+                path = [*there[::-1], *back[1:]]
+                path = path if iteration % 2 == 0 else path[::-1]
+                return shorten(np.array(path), edge, rng, shortcuts)
+        grow, aim = aim, grow
+    return None
+
+
+def shorten(path: Floats, edge: Callable[[Floats, Floats], bool], rng: np.random.Generator, tries: int) -> Floats:
+    """Waypoints (K,n) with detours cut: corners that can be skipped, then random pairs of points joined where the edge is free."""
+    path = _skip_corners(path, edge)
+    for _ in range(tries):
+        if len(path) < 3:
+            break
+        lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        marks = np.concatenate([[0.0], np.cumsum(lengths)])
+        s, t = np.sort(rng.uniform(0.0, marks[-1], 2))
+        i, j = (int(np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(lengths) - 1)) for x in (s, t))
+        if i == j:
+            continue
+        p, q = (path[k] + (x - marks[k]) / lengths[k] * (path[k + 1] - path[k]) for k, x in ((i, s), (j, t)))
+        if np.linalg.norm(q - p) < 0.999 * (t - s) and edge(p, q):
+            path = np.concatenate([path[: i + 1], [p, q], path[j + 1 :]])
+    return _skip_corners(path, edge)
+
+
+def _skip_corners(path: Floats, edge: Callable[[Floats, Floats], bool]) -> Floats:
+    kept, i = [0], 0
+    while i < len(path) - 1:
+        i = next(j for j in range(len(path) - 1, i, -1) if j == i + 1 or edge(path[i], path[j]))
+        kept.append(i)
+    return path[kept]
+
+
+class _Tree:
+    """A tree of free states rooted at one end of the wanted path."""
+
+    def __init__(self, root: Floats) -> None:
+        self.points = root[None].copy()
+        self.parents = [-1]
+
+    def extend(self, goal: Floats, edge: Callable[[Floats, Floats], bool]) -> int | None:
+        """Grow one step from the nearest state towards `goal`; the new state's index, or None when blocked."""
+        near = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
+        return self._grow(near, goal, edge)
+
+    def reach(self, goal: Floats, edge: Callable[[Floats, Floats], bool]) -> int | None:
+        """Grow step by step until `goal` is in the tree; its index, or None when blocked on the way."""
+        at = int(np.argmin(np.sum((self.points - goal) ** 2, axis=1)))
+        while True:
+            new = self._grow(at, goal, edge)
+            if new is None or np.array_equal(self.points[new], goal):
+                return new
+            at = new
+
+    def branch(self, index: int) -> list[Floats]:
+        """States from `index` back to the root."""
+        out = []
+        while index >= 0:
+            out.append(self.points[index])
+            index = self.parents[index]
+        return out
+
+    def _grow(self, near: int, goal: Floats, edge: Callable[[Floats, Floats], bool]) -> int | None:
+        start = self.points[near]
+        far = np.abs(goal - start).max()
+        new = goal if far <= STEP else start + (STEP / far) * (goal - start)
+        if not edge(start, new):
+            return None
+        self.points = np.concatenate([self.points, new[None]])
+        self.parents.append(near)
+        return len(self.parents) - 1
