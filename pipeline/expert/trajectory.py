@@ -7,12 +7,14 @@ analysis", T-RO 2018). No jerk limit: accelerations jump, drives must follow.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import toppra
 import toppra.algorithm
 import toppra.constraint
 from numpy.typing import ArrayLike, NDArray
+from toppra.interpolator import AbstractGeometricPath
 
 from pipeline.expert.failure import PlanFailure
 
@@ -87,37 +89,66 @@ def synchronise(a: Trajectory, b: Trajectory) -> tuple[Trajectory, Trajectory]:
     return stretched(a, duration), stretched(b, duration)
 
 
-def rounded(waypoints: Floats, deviation: float, spacing: float = 0.03) -> Floats:
-    """Points (M,n) along the polyline through `waypoints` (K,n) with corners rounded by parabolas, about `spacing` apart.
+class RoundedPolyline(AbstractGeometricPath):
+    """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: a toppra path q(s), C1, q'' constant by pieces.
 
-    A parabola starts and ends d before and after its corner and misses it by d |u1 - u0| / 4 (u the directions scaled to one
-    in the joint that moves most): d is chosen so that this is at most `deviation`, and at most half of each leg.
+    s is the length of the polyline in the joint that moves most. A parabola starts and ends d before and after its corner and
+    misses it by d |u1 - u0| / 4, where u0, u1 = q' on the two legs; d is chosen so that this is at most `deviation` in every
+    joint, and at most half of each leg.
     """
-    legs = np.diff(waypoints, axis=0)
-    lengths = np.abs(legs).max(axis=1)
-    ahead = legs / lengths[:, None]
-    points = [waypoints[:1]]
-    for k in range(1, len(waypoints) - 1):
-        turn = float(np.abs(ahead[k] - ahead[k - 1]).max())
-        d = min(0.5 * lengths[k - 1], 0.5 * lengths[k], 4 * deviation / max(turn, 1e-12))
-        start, end = waypoints[k] - d * ahead[k - 1], waypoints[k] + d * ahead[k]
-        points.append(_between(points[-1][-1], start, spacing))
-        s = np.linspace(0.0, 1.0, 1 + max(2, int(np.ceil(min(2 * d / spacing, 8)))))[1:, None]
-        points.append((1 - s) ** 2 * start + 2 * s * (1 - s) * waypoints[k] + s**2 * end)
-    points.append(_between(points[-1][-1], waypoints[-1], spacing))
-    return _without_repeats(np.concatenate(points))
 
+    def __init__(self, waypoints: Floats, deviation: float) -> None:
+        legs = np.diff(waypoints, axis=0)
+        lengths = np.abs(legs).max(axis=1)
+        u = legs / lengths[:, None]
+        turns = np.maximum(np.abs(np.diff(u, axis=0)).max(axis=1), 1e-9)
+        cut = np.minimum(4 * deviation / turns, 0.5 * np.minimum(lengths[:-1], lengths[1:]))
+        # leg k is a line from after its first corner to before its last, then comes the parabola of that last corner
+        trimmed = lengths - np.concatenate([[0.0], cut]) - np.concatenate([cut, [0.0]])
+        starts = waypoints[:-1] + np.concatenate([[0.0], cut])[:, None] * u
+        bends = waypoints[1:-1] - cut[:, None] * u[:-1]
+        n = len(legs)
+        span, base = np.empty(2 * n - 1), np.empty((2 * n - 1, waypoints.shape[1]))
+        slope, bend = np.empty_like(base), np.zeros_like(base)
+        span[0::2], span[1::2] = np.maximum(trimmed, 0.0), 2 * cut
+        base[0::2], base[1::2] = starts, bends
+        slope[0::2], slope[1::2] = u, u[:-1]
+        bend[1::2] = np.diff(u, axis=0) / (4 * cut)[:, None]
+        real = span > 1e-9
+        self.base, self.slope, self.bend = base[real], slope[real], bend[real]
+        self.knots = np.concatenate([[0.0], np.cumsum(span[real])])
 
-def _between(p: Floats, q: Floats, spacing: float) -> Floats:
-    count = max(1, int(np.ceil(np.abs(q - p).max() / spacing)))
-    return p + np.linspace(0.0, 1.0, count + 1)[1:, None] * (q - p)
+    def __call__(self, path_positions: ArrayLike, order: int = 0) -> Floats:
+        """q (M,n) at path positions (M,), or its first or second derivative by s."""
+        s = np.asarray(path_positions, float)
+        k = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.base) - 1)
+        t = (s - self.knots[k])[..., None]
+        if order == 0:
+            return self.base[k] + t * (self.slope[k] + t * self.bend[k])
+        return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
+
+    @property
+    def dof(self) -> int:
+        """Number of joints n."""
+        return self.base.shape[1]
+
+    @property
+    def path_interval(self) -> Floats:
+        """First and last path position (2,)."""
+        return self.knots[[0, -1]]
+
+    def grid(self, spacing: float = 0.12) -> Floats:
+        """Path positions for TOPP-RA: both sides of every knot, where q'' jumps, and points at most about `spacing` apart."""
+        out = [np.zeros(1)]
+        for a, b in pairwise(self.knots.tolist()):
+            side = 1e-3 * min(b - a, 0.01)
+            out.append(np.linspace(a + side, b - side, 2 + int((b - a) / spacing)))
+        return np.concatenate([*out, self.knots[-1:]])
 
 
 def _toppra(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float, deviation: float) -> Trajectory:
-    lengths = np.abs(np.diff(corners, axis=0)).max(axis=1)
-    points = rounded(corners, deviation, max(0.03, float(lengths.sum()) / 80))
-    s = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points, axis=0)).max(axis=1))])
-    path = toppra.SplineInterpolator(s, points)
+    path = RoundedPolyline(corners, deviation)
+    s = path.grid()
     limits = [
         toppra.constraint.JointVelocityConstraint(np.stack([-v, v], axis=1)),
         toppra.constraint.JointAccelerationConstraint(np.stack([-a, a], axis=1)),
