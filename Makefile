@@ -11,6 +11,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 export LP_NUM_THREADS ?= 1
 
+# many short processes start: let them reuse bytecode
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: build test lint bench setup clean
 
 build: setup

@@ -72,7 +72,12 @@ python_by_apt() { apt-cache show python3.12 >/dev/null 2>&1 && apt_install pytho
 
 # ---- system libraries and Vulkan
 
-loads() { .venv/bin/python -W ignore -c 'import pinocchio, coal, cv2, sapien, torch, toppra'; }
+# bytecode is written here once, so that later processes start quickly where PYTHONDONTWRITEBYTECODE is set
+loads() {
+    env -u PYTHONDONTWRITEBYTECODE .venv/bin/python -W ignore -c '
+import pinocchio, coal, cv2, sapien, toppra, torch, numba, scipy.optimize, scipy.spatial, h5py, pyarrow.parquet, yaml
+import ray, typer, pydantic, trimesh, tqdm, pytest, hypothesis'
+}
 renders() { .venv/bin/python -c 'import sapien; sapien.render.RenderSystem()' >/dev/null 2>&1; }
 
 mesa_suite() {  # the first suite known to apt that holds Mesa >= 25
