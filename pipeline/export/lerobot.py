@@ -10,6 +10,7 @@ meta/domino.json and meta/modality.json (GR00T). One dataset per embodiment: `ou
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -85,9 +86,9 @@ def export_lerobot(
 ) -> dict[str, Any]:
     """Write `out` (or `out/<embodiment>` for several); `progress(1)` after each episode. Returns the summary.
 
-    codec: AV1 as LeRobot does by default. workers: processes that encode; the output does not depend on it. A data file is closed
-    at data_bytes, a video file at video_bytes or video_seconds. Raises ExportError for unreadable episodes, for episodes of one
-    embodiment that differ in fps, cameras, picture size or joint names, and for pictures with an odd side.
+    codec: `Codec` says why it is not quite LeRobot's own. workers: processes that encode; the output does not depend on it. A data
+    file is closed at data_bytes, a video file at video_bytes or video_seconds. Raises ExportError for unreadable episodes, for
+    episodes of one embodiment that differ in fps, cameras, picture size or joint names, and for pictures with an odd side.
     """
     codec = codec or Codec()
     with staged(out, dataset) as folder:
@@ -141,6 +142,8 @@ def prepare_all(paths: Sequence[Path], dataset: Path, codec: Codec, workers: int
                     yield pending.popleft().result()
             while pending:
                 yield pending.popleft().result()
+        except BrokenProcessPool as error:
+            raise ExportError("an encoding process died, perhaps for want of memory; try fewer workers") from error
         finally:
             for future in pending:
                 future.cancel()
@@ -150,7 +153,7 @@ class Writer:
     """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
 
     def __init__(self, root: Path, first: Facts, codec: Codec, data_bytes: int, video_bytes: int, video_seconds: float) -> None:
-        self.root, self.first, self.limits = root, first, (data_bytes, video_bytes)
+        self.root, self.first, self.codec, self.limits = root, first, codec, (data_bytes, video_bytes)
         self.video_frames = int(video_seconds * first.fps)
         self.features = features_of(first, codec)
         self.data = Tables(root / "data", data_schema(self.features), data_bytes)
@@ -233,5 +236,6 @@ class Writer:
         write_json(meta / "modality.json", modality(self.first))
         summary = {"episodes": counts[0], "frames": counts[1], "tasks": counts[2], "fps": self.first.fps}
         described = {"embodiment": self.first.spec.embodiment, "code_version": self.first.meta.get("code_version")}
+        described["encoder"] = {"name": self.codec.name, **self.codec.options()}
         write_json(meta / "domino.json", summary | described | {"names": list(self.first.log.vector_names)})
         return summary

@@ -1,0 +1,223 @@
+"""Atomic output, the order of episodes, bad input, and on which frame an event falls."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.export import EXPORTERS, ExportError, check_exports
+from pipeline.export.common import (
+    SUMMARY,
+    Facts,
+    by_embodiment,
+    choose_instruction,
+    event_frames,
+    ordered,
+    read_facts,
+    reading,
+    staged,
+)
+from pipeline.spec import EpisodeSpec
+from pipeline.world.state_log import Event
+from tests.synthetic import episode_path, make_episode, make_log, target_pose
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """A dataset of two short episodes."""
+    for slot in range(2):
+        make_episode(episode_path(tmp_path, slot=slot), slot=slot, seed=slot, frames=4)
+    return tmp_path
+
+
+def episodes_of(dataset: Path) -> list[Path]:
+    return sorted((dataset / "episodes").rglob("*.hdf5"))
+
+
+def facts_with(times: list[float], frames: int, fps: int) -> Facts:
+    log = make_log("aloha-agilex", frames, fps, 0)
+    log.events = [Event(f"e{i}", t) for i, t in enumerate(times)]
+    spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 0)
+    return Facts("x", spec, fps, log, target_pose(log.times), "go", ["go"], [], "", {}, (), (2, 2))
+
+
+@given(st.integers(2, 40), st.integers(1, 60), st.lists(st.floats(0, 1), max_size=5))
+def test_an_event_is_on_the_first_frame_at_or_after_it(frames, fps, fractions):
+    span = (frames - 1) / fps
+    facts = facts_with([f * span for f in fractions], frames, fps)
+    for frame, _, time in event_frames(facts):
+        clock = [k / fps for k in range(frames)]
+        assert frame == next(k for k, t in enumerate(clock) if t >= time - 1e-6)
+
+
+def test_an_event_exactly_on_a_frame_belongs_to_it_and_a_late_one_to_the_last():
+    facts = facts_with([3 / 15, 99.0], 12, 15)
+    assert [(frame, name) for frame, name, _ in event_frames(facts)] == [(3, "e0"), (11, "e1")]
+
+
+def test_instruction_depends_on_the_spec_only_and_uses_all_of_them():
+    seen = ["a", "b", "c"]
+    specs = [EpisodeSpec("t", "e", 1, 0.1, "clean", slot, 0) for slot in range(40)]
+    chosen = [choose_instruction(s, seen) for s in specs]
+    assert chosen == [choose_instruction(s, seen) for s in specs]
+    assert set(chosen) == set(seen)
+
+
+def test_order_is_that_of_the_paths_and_repeats_are_refused(dataset):
+    paths = episodes_of(dataset)
+    assert ordered(paths[::-1]) == paths
+    with pytest.raises(ExportError, match="given twice"):
+        ordered([paths[0], paths[0]])
+    with pytest.raises(ExportError, match="no episodes"):
+        ordered([])
+
+
+def test_embodiments_get_directories_only_when_there_are_several(dataset, tmp_path):
+    out = tmp_path / "out"
+    paths = episodes_of(dataset)
+    assert by_embodiment(paths, out) == {"aloha-agilex": (out, paths)}
+    franka = make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3)
+    assert by_embodiment([*paths, franka], out) == {
+        "aloha-agilex": (out / "aloha-agilex", paths),
+        "franka-panda": (out / "franka-panda", [franka]),
+    }
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_a_failing_export_leaves_the_old_one_and_nothing_else(dataset, format):
+    out = dataset / "exports" / format
+    EXPORTERS[format](dataset, out, episodes_of(dataset))
+    before = {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file()}
+
+    def fail(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        EXPORTERS[format](dataset, out, episodes_of(dataset), progress=fail)
+    assert {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+    assert [p.name for p in out.parent.iterdir()] == [format]
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_progress_counts_episodes_and_the_same_episodes_give_the_same_bytes(dataset, format):
+    paths, done = episodes_of(dataset), []
+    first, second = dataset / "exports" / "a", dataset / "exports" / "b"
+    summary = EXPORTERS[format](dataset, first, paths[::-1], progress=done.append)
+    assert sum(done) == summary["episodes"] == 2
+    assert summary["frames"] == 8 and summary["format"] == format
+    assert json.loads((first / SUMMARY).read_text()) == summary
+    EXPORTERS[format](dataset, second, paths)
+    files = sorted(p.relative_to(first) for p in first.rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(second) for p in second.rglob("*") if p.is_file())
+    assert [f for f in files if (first / f).read_bytes() != (second / f).read_bytes()] == []
+
+
+def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset):
+    out = dataset / "exports" / "x"
+    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True)
+    dead = out.with_name(f".x.{os.uname().nodename}.{done.stdout.strip()}.tmp")
+    dead.mkdir(parents=True)
+    (dead / "half").write_text("")
+    old = out.with_name(".x.old")
+    old.mkdir()
+    (old / SUMMARY).write_text("{}")
+    with staged(out, dataset) as folder:
+        assert (out / SUMMARY).read_text() == "{}"  # the run killed between the two renames had an older export
+        (folder / SUMMARY).write_text("{1}")
+    assert (out / SUMMARY).read_text() == "{1}"
+    assert [p.name for p in out.parent.iterdir()] == ["x"]
+
+
+def test_what_is_no_export_is_not_replaced(dataset):
+    out = dataset / "exports" / "mine"
+    out.mkdir(parents=True)
+    (out / "thesis.txt").write_text("years of work")
+    with pytest.raises(ExportError, match="is not an export"), staged(out, dataset):
+        pass
+    with pytest.raises(ExportError, match="is a file"), staged(out / "thesis.txt", dataset):
+        pass
+    for above in (dataset, dataset.parent):
+        with pytest.raises(ExportError, match="holds the dataset"), staged(above, dataset):
+            pass
+    assert (out / "thesis.txt").read_text() == "years of work"
+    shutil.rmtree(out)
+    out.mkdir()
+    with staged(out, dataset) as folder:  # an empty directory may be
+        (folder / SUMMARY).write_text("{}")
+    assert (out / SUMMARY).exists()
+
+
+def _truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def _change(key: str, value):
+    def change(path: Path) -> None:
+        with h5py.File(path, "r+") as f:
+            del f[key]
+            if value is not None:
+                f[key] = value
+
+    return change
+
+
+BROKEN = {
+    "truncated": (_truncate, "cannot be read as HDF5"),
+    "empty": (lambda p: p.write_bytes(b""), "cannot be read as HDF5"),
+    "no pictures": (_change("observation/head_camera/rgb", None), "is not a complete episode"),
+    "no picture": (_change("observation/head_camera/rgb", np.array([b"no jpeg"] * 4)), "does not decode as JPEG"),
+    "off the grid": (_change("timestamp", np.array([0, 0.06, 0.12, 0.18])), "not 15 per second"),
+    "short action": (_change("joint_action/vector", np.zeros((3, 14))), "action has 3 rows for 4 frames"),
+    "not finite": (_change("target/pose", np.full((4, 7), np.nan)), "target pose holds values that are not finite"),
+    "speechless": (_change("instruction/seen", np.array([], h5py.string_dtype())), "has no instruction"),
+    "blind for a frame": (_change("observation/head_camera/pose", np.zeros((3, 7))), "head_camera has 3 pictures"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(BROKEN))
+def test_a_bad_episode_gives_one_line_that_names_it(dataset, name):
+    path = episodes_of(dataset)[1]
+    spoil, message = BROKEN[name]
+    spoil(path)
+    with pytest.raises(ExportError, match=message) as error, reading(path) as file:
+        read_facts(file, dataset)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_a_bad_episode_stops_the_export(dataset, format):
+    _truncate(episodes_of(dataset)[1])
+    with pytest.raises(ExportError, match="episode_0000001"):
+        EXPORTERS[format](dataset, dataset / "exports" / format, episodes_of(dataset))
+    assert list((dataset / "exports").iterdir()) == []
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_episodes_that_do_not_fit_together_are_refused(dataset, format):
+    make_episode(episode_path(dataset, slot=2), slot=2, frames=3, fps=30)
+    if format == "parquet":
+        make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3, fps=30)
+    with pytest.raises(ExportError, match=r"fps 30 differs from 15 of"):
+        EXPORTERS[format](dataset, dataset / "exports" / format, episodes_of(dataset))
+
+
+def test_unknown_format_is_named(dataset):
+    with pytest.raises(ExportError, match="formats are lerobot, aloha, parquet"):
+        check_exports(dataset, dataset, "zarr", episodes_of(dataset))
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_check_finds_what_is_missing(dataset, format):
+    out = dataset / "exports" / format
+    assert check_exports(dataset, out, format, episodes_of(dataset)) != []
+    EXPORTERS[format](dataset, out, episodes_of(dataset)[:1])
+    assert check_exports(dataset, out, format, episodes_of(dataset)[:1]) == []
+    assert check_exports(dataset, out, format, episodes_of(dataset)) != []

@@ -1,0 +1,144 @@
+"""The LeRobot export against lerobot itself: the files it writes for the same frames, and what it reads from ours."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.episode import open_episode
+from pipeline.export.lerobot import export_lerobot
+from pipeline.export.video import frames_of
+from tests.synthetic import COLORS, episode_path, make_episode
+
+CAMERAS = {"head_camera": "head_camera", "left_wrist": "left_camera", "right_wrist": "right_camera"}
+
+
+def test_against_lerobot_itself(tmp_path, monkeypatch):
+    """One test, so that only one worker imports lerobot, which takes 15 s of CPU."""
+    pytest.importorskip("lerobot")
+    import datasets
+    from lerobot.datasets import lerobot_dataset
+
+    monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path / "cache")
+    monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
+    lerobot_reads_every_frame(lerobot_dataset, tmp_path / "a")
+    the_files_are_those_that_lerobot_writes(lerobot_dataset, tmp_path / "b")
+    statistics_of_an_episode_are_lerobots()
+
+
+def lerobot_reads_every_frame(lerobot, root):
+    """Three episodes of different lengths, one data file each, two video files."""
+    paths = [make_episode(episode_path(root, slot=i), slot=i, seed=i, frames=4 + i, level=1 + i) for i in range(3)]
+    out = root / "out"
+    export_lerobot(root, out, paths, data_bytes=1, video_seconds=9 / 15)
+    loaded = lerobot.LeRobotDataset("domino/test", root=out, video_backend="pyav")
+    assert (loaded.num_episodes, loaded.num_frames, loaded.fps) == (3, 15, 15)
+    row = 0
+    for index, path in enumerate(paths):
+        with open_episode(path) as e:
+            state, action, pose = e.array("joint_state/vector"), e.array("joint_action/vector"), e.array("target/pose")
+            for t in range(len(e)):
+                item = loaded[row]
+                np.testing.assert_array_equal(item["observation.state"].numpy(), state[t].astype(np.float32))
+                np.testing.assert_array_equal(item["action"].numpy(), action[t].astype(np.float32))
+                np.testing.assert_array_equal(item["target.pose"].numpy(), pose[t].astype(np.float32))
+                assert float(item["timestamp"]) == np.float32(t / 15) and int(item["episode_index"]) == index
+                assert item["task"] in e.instructions()
+                for name, camera in CAMERAS.items():
+                    picture = item[f"observation.images.{name}"].numpy().transpose(1, 2, 0) * 255
+                    source = e.rgb(camera, t).astype(float)
+                    assert np.abs(picture - source).mean() < 3
+                    square = np.abs(source - COLORS[camera]).max(-1) < 10
+                    assert np.abs(picture[square].mean(0) - COLORS[camera]).max() < 15
+                row += 1
+    assert loaded.meta.filter_episodes(lambda ep: ep["domino.level"] == 2) == [1]
+    window = lerobot.LeRobotDataset(
+        "domino/test", root=out, video_backend="pyav", delta_timestamps={"action": [0, 1 / 15]}, episodes=[1]
+    )
+    assert len(window) == 5 and window[0]["action"].shape == (2, 14)
+
+
+def the_files_are_those_that_lerobot_writes(lerobot, root):
+    """info.json, tasks and data equal; episode rows equal but for our own columns and finer statistics; the same videos."""
+    from lerobot.configs import RGBEncoderConfig
+
+    paths = [make_episode(episode_path(root, slot=i), slot=i, seed=i, frames=5 + i) for i in range(2)]
+    ours, theirs = root / "ours", root / "theirs"
+    export_lerobot(root, ours, paths)
+    info = json.loads((ours / "meta/info.json").read_text())
+    given = {n: f for n, f in info["features"].items() if f["names"]}
+    given = {n: {"dtype": f["dtype"], "shape": tuple(f["shape"]), "names": f["names"]} for n, f in given.items()}
+    made = lerobot.LeRobotDataset.create(
+        "domino/test", 15, given, theirs, "aloha-agilex", rgb_encoder=RGBEncoderConfig(g=1, crf=32), encoder_threads=1
+    )
+    tasks = [row["tasks"][0] for row in pq.read_table(ours / "meta/episodes/chunk-000/file-000.parquet").to_pylist()]
+    for path, task in zip(paths, tasks, strict=True):
+        with open_episode(path) as e:
+            for t in range(len(e)):
+                keys = {"observation.state": "joint_state/vector", "action": "joint_action/vector", "target.pose": "target/pose"}
+                frame = {name: e.array(key)[t].astype(np.float32) for name, key in keys.items()}
+                frame["target.velocity"] = e.array("target/velocity")[t].astype(np.float32)
+                frame |= {f"observation.images.{name}": e.rgb(camera, t) for name, camera in CAMERAS.items()}
+                made.add_frame({**frame, "task": task})
+        made.save_episode(parallel_encoding=False)
+    made.finalize()
+
+    assert info == json.loads((theirs / "meta/info.json").read_text())
+    pd.testing.assert_frame_equal(pd.read_parquet(ours / "meta/tasks.parquet"), pd.read_parquet(theirs / "meta/tasks.parquet"))
+    data = [pq.ParquetFile(where / "data/chunk-000/file-000.parquet") for where in (ours, theirs)]
+    assert data[0].schema_arrow.equals(data[1].schema_arrow, check_metadata=False)
+    described = [json.loads(d.schema_arrow.metadata[b"huggingface"])["info"]["features"] for d in data]
+    assert described[0] == described[1]
+    assert data[0].read().equals(data[1].read()) and data[0].num_row_groups == data[1].num_row_groups == 2
+
+    rows = [pq.read_table(where / "meta/episodes/chunk-000/file-000.parquet") for where in (ours, theirs)]
+    added = set(rows[0].column_names) - set(rows[1].column_names)
+    assert not set(rows[1].column_names) - set(rows[0].column_names) and all(n.startswith("domino.") for n in added)
+    for name in rows[1].column_names:
+        assert rows[0].schema.field(name).type == rows[1].schema.field(name).type, name
+        if not name.startswith("stats/"):
+            got, want = rows[0][name].to_pylist(), rows[1][name].to_pylist()
+            assert got == (want if name == "tasks" else pytest.approx(want)), name
+    compare_statistics(*(json.loads((where / "meta/stats.json").read_text()) for where in (ours, theirs)))
+    for name in CAMERAS:
+        video = f"videos/observation.images.{name}/chunk-000/file-000.mp4"
+        for (t0, a), (t1, b) in zip(frames_of(ours / video), frames_of(theirs / video), strict=True):
+            assert t0 == pytest.approx(t1) and np.abs(a.astype(int) - b).mean() < 1.5
+
+
+def compare_statistics(ours, theirs):
+    """Equal but for the quantiles, which lerobot averages over episodes, and for what float32 costs it in the std of pictures."""
+    assert set(ours) == set(theirs)
+    for feature, entry in theirs.items():
+        assert set(ours[feature]) == set(entry), feature
+        for stat, value in entry.items():
+            assert np.shape(ours[feature][stat]) == np.shape(value), (feature, stat)
+            if not stat.startswith("q"):
+                np.testing.assert_allclose(ours[feature][stat], value, atol=5e-3, err_msg=f"{feature} {stat}")
+
+
+def statistics_of_an_episode_are_lerobots():
+    """Quantiles within a bin or two of lerobot's histogram, the rest equal, the same frames and pixels sampled."""
+    from lerobot.datasets.compute_stats import compute_episode_stats, sample_indices
+
+    from pipeline.export.stats import color_counts, picture_stats, sample_rows, vector_stats
+
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(150, 3)).astype(np.float32)
+    want = compute_episode_stats({"x": values}, {"x": {"dtype": "float32", "shape": (3,)}})["x"]
+    got = vector_stats(values)
+    for name, value in want.items():
+        np.testing.assert_allclose(got[name], value, atol=2 * np.ptp(values) / 5000, err_msg=name)
+    for length in (1, 99, 100, 465, 2000, 300_000):
+        np.testing.assert_array_equal(sample_rows(length), sample_indices(length))
+
+    frames = rng.integers(0, 256, (2, 240, 320, 3), np.uint8)
+    from lerobot.datasets.compute_stats import auto_downsample_height_width, get_feature_stats
+
+    thin = np.stack([auto_downsample_height_width(f.transpose(2, 0, 1)) for f in frames])
+    want = get_feature_stats(thin, axis=(0, 2, 3), keepdims=True)
+    got = picture_stats(color_counts(list(frames)), 2)
+    for name, value in want.items():
+        np.testing.assert_allclose(got[name].ravel() * (1 if name == "count" else 255), value.ravel(), atol=0.1, err_msg=name)

@@ -1,0 +1,72 @@
+"""Videos: one picture a frame, at its time, in its colour, the same bytes every time."""
+
+import io
+from itertools import chain
+
+import numpy as np
+import pytest
+
+from pipeline.export.video import Codec, VideoFile, encode, frames_of
+
+FPS = 15
+CODECS = {"av1": Codec(), "h264": Codec("h264", crf=23)}
+
+
+def clip(frames: int, seed: int) -> list[np.ndarray]:
+    """A grey level per frame on the left, red and blue on the right: every frame differs from its neighbours."""
+    out = np.zeros((frames, 64, 96, 3), np.uint8)
+    out[:, :, :48] = (40 + 20 * np.random.default_rng(seed).permutation(frames) % 200)[:, None, None, None]
+    out[:, :32, 48:], out[:, 32:, 48:] = (220, 30, 30), (30, 50, 220)
+    return list(out)
+
+
+@pytest.mark.parametrize("codec", CODECS.values(), ids=CODECS)
+def test_episodes_in_one_file_keep_count_time_and_colour(tmp_path, codec):
+    clips = [clip(n, n) for n in (5, 8, 1)]
+    video = VideoFile(tmp_path / "chunk" / "file.mp4", FPS)
+    spans = [video.append(encode(c, FPS, codec), len(c)) for c in clips]
+    video.close()
+    assert spans == [(0.0, 5 / 15), (5 / 15, 13 / 15), (13 / 15, 14 / 15)]
+    got = list(frames_of(video.path))
+    np.testing.assert_allclose([t for t, _ in got], np.arange(14) / FPS, atol=1e-6)
+    for (_, picture), source in zip(got, chain(*clips), strict=True):
+        assert np.abs(picture.astype(int) - source).mean() < 6
+        assert np.abs(picture[8:24, 60:90].reshape(-1, 3).mean(0) - (220, 30, 30)).max() < 20
+        assert np.abs(picture[40:56, 60:90].reshape(-1, 3).mean(0) - (30, 50, 220)).max() < 20
+
+
+@pytest.mark.parametrize("codec", CODECS.values(), ids=CODECS)
+def test_same_frames_same_bytes(codec):
+    assert encode(clip(6, 1), FPS, codec) == encode(clip(6, 1), FPS, codec)
+
+
+def test_every_episode_starts_with_a_key_frame_even_with_gaps_between_them(tmp_path):
+    import av
+
+    video = VideoFile(tmp_path / "file.mp4", FPS)
+    for n in (3, 3, 2):  # odd lengths: a key frame every second frame would miss the starts
+        video.append(encode(clip(n, n), FPS, Codec(gop=2)), n)
+    video.close()
+    with av.open(str(video.path)) as container:
+        keys = [p.is_keyframe for p in container.demux(video=0) if p.dts is not None]
+    assert keys[0] and keys[3] and keys[6]
+
+
+def test_slow_motion_is_not_drawn_late():
+    frames = [np.full((240, 320, 3), (120, 125, 130), np.uint8) for _ in range(6)]
+    for t, frame in enumerate(frames):
+        frame[80 + 2 * t : 120 + 2 * t, 80 + 3 * t : 120 + 3 * t] = (30, 200, 40)
+    got = [picture for _, picture in frames_of(io.BytesIO(encode(frames, FPS, Codec())))]
+    for t in range(1, 6):
+        moved = (frames[t] != frames[t - 1]).any(-1)
+        to_own, to_previous = (np.abs(got[t].astype(int) - f)[moved].mean() for f in (frames[t], frames[t - 1]))
+        assert to_own < to_previous / 3
+
+
+def test_a_lost_frame_is_noticed(tmp_path):
+    with pytest.raises(ValueError, match="4 pictures for 5 frames"):
+        VideoFile(tmp_path / "file.mp4", FPS).append(encode(clip(4, 0), FPS, Codec()), 5)
+
+
+def test_frames_of_reads_from_memory_too():
+    assert len(list(frames_of(io.BytesIO(encode(clip(3, 0), FPS, Codec()))))) == 3
