@@ -1,0 +1,73 @@
+"""The documents say what is true: every key of an episode is described, every command line they show parses."""
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import h5py
+import pytest
+import typer
+
+from pipeline.cli import app
+from tests.synthetic import make_episode
+
+ROOT = Path(__file__).parent.parent
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+CLI = typer.main.get_command(app)
+TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+
+
+def command_lines(page: Path) -> list[str]:
+    """Lines of the page's shell blocks, continuations joined, comments and prompts dropped."""
+    blocks = re.findall(r"^```(?:sh|bash|console)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+    lines = "".join(blocks).replace("\\\n", " ").splitlines()
+    return [line.removeprefix("$ ").strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+SHOWN = [(page.name, line) for page in PAGES for line in command_lines(page)]
+
+
+@pytest.mark.parametrize(("page", "line"), SHOWN)
+def test_every_command_shown_parses(page, line):
+    words = shlex.split(line, comments=True)
+    name = Path(words[0]).name
+    if name == "make":
+        assert {w for w in words[1:] if "=" not in w} <= TARGETS, f"{page}: {line}"
+    elif name == "domino-data":
+        assert isinstance(CLI, click.Group | typer.core.TyperGroup)
+        command = CLI.commands[words[1]]
+        with command.make_context(words[1], words[2:]) as context:
+            assert context.params
+
+
+def test_the_quickstart_shows_the_main_verbs():
+    verbs = {shlex.split(line)[1] for page, line in SHOWN if page == "quickstart.md" and "domino-data" in line}
+    assert verbs >= {"tasks", "plan", "build", "status", "verify", "export"}
+
+
+def test_every_link_between_the_pages_leads_somewhere():
+    for page in PAGES:
+        for link in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", page.read_text()):
+            assert link.startswith("http") or (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_every_key_and_attribute_of_an_episode_is_described(tmp_path):
+    path = make_episode(tmp_path / "e.hdf5", frames=3, depth=True, segmentation=True)
+    text = (ROOT / "docs" / "formats.md").read_text()
+    described = set(re.findall(r"`([^`\n]+)`", text))
+    found: list[str] = []
+    with h5py.File(path) as f:
+        found += [str(a) for a in f.attrs]
+        for column in f["state/contacts"].dtype.names:
+            found.append(column)
+
+        def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
+            found.extend(item.attrs)
+            if isinstance(item, h5py.Dataset):
+                general = re.sub(r"^observation/\w+/", "observation/<camera>/", name)
+                found.append(re.sub(r"^objects/\w+/", "objects/<name>/", general))
+
+        f.visititems(visit)
+    assert len(found) > 40
+    assert sorted(set(found) - described) == []
