@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.episode import View
 from pipeline.poses import compose
 from pipeline.world.cameras import Camera, CameraType
-from pipeline.world.room import TABLE_TOP, merge, room
+from pipeline.world.room import TABLE_TOP, merge, shell_parts, table_parts
 from pipeline.world.shapes import Material, Mesh
 from pipeline.world.visuals import Visuals
 from pipeline.world.vulkan import ensure_renderer
@@ -20,7 +20,8 @@ SHADERS = Path(__file__).parent / "shaders"
 NEAR, FAR = 0.02, 12.0  # m
 MAX_BODIES = 255
 SHADOW_HALF_SIZE = 0.85  # m around the table centre
-SHADOW_MAP = 768
+SHADOW_MAP = 512
+BACKGROUND, CASTS_NOTHING = 0, -1  # numbers of what is no body
 
 Parts = Sequence[tuple[Mesh, Material]]
 
@@ -88,7 +89,8 @@ class Renderer:
         for i, (name, parts) in enumerate(visual_bodies.items()):
             if parts:
                 self._bodies[name] = self._add(parts, i + 1)
-        self._add([*room(visuals), *fixed], 0)
+        self._add([*table_parts(visuals), *fixed], BACKGROUND)
+        self._add(shell_parts(visuals), CASTS_NOTHING)
 
     def __enter__(self) -> Self:
         return self
@@ -114,8 +116,8 @@ class Renderer:
         """Pictures of every camera at the given frames (all by default).
 
         `body_poses` maps body names to world poses (T,7), xyz + wxyz; bodies that show something and links that carry a camera
-        must be there (KeyError names the missing one, ValueError a wrong shape). Views come in camera order with RGB (F,H,W,3) uint8,
-        and where asked depth (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W) uint8.
+        must be there (KeyError names the missing one, ValueError a wrong shape). Views come in camera order with RGB (F,H,W,3)
+        uint8, and where asked depth (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W) uint8.
         """
         poses = self._checked(body_poses)
         index = np.arange(len(next(iter(poses.values())))) if poses and frames is None else np.asarray(frames or [0], int)

@@ -69,11 +69,16 @@ def table(tile: float) -> tuple[Mesh, Mesh]:
     return top, merge(legs)
 
 
-def room(visuals: Visuals) -> list[tuple[Mesh, Material]]:
-    """Everything that is background in every picture, with materials."""
+def table_parts(visuals: Visuals) -> list[tuple[Mesh, Material]]:
+    """Table top and legs with their materials."""
+    top, legs = table(visuals.table.tile)
+    return [(top, surface_material(visuals.table, 0.45)), (legs, Material((0.34, 0.34, 0.36), 0.5))]
+
+
+def shell_parts(visuals: Visuals) -> list[tuple[Mesh, Material]]:
+    """Floor, back wall, and the plain walls and ceiling around: surfaces that receive shadows and cast none."""
     (x0, y0, z0), (x1, y1, z1) = ROOM
     w, d, h = x1 - x0, y1 - y0, z1 - z0
-    top, legs = table(visuals.table.tile)
     others = merge(
         [
             quad((x1, y0, z0), (-w, 0, 0), (0, 0, h), 1.0),
@@ -83,8 +88,6 @@ def room(visuals: Visuals) -> list[tuple[Mesh, Material]]:
         ]
     )
     return [
-        (top, surface_material(visuals.table, 0.45)),
-        (legs, Material((0.34, 0.34, 0.36), 0.5)),
         (quad((x0, y1, z0), (w, 0, 0), (0, 0, h), visuals.wall.tile), surface_material(visuals.wall, 0.85)),
         (quad((x0, y0, z0), (w, 0, 0), (0, d, 0), visuals.ground.tile), surface_material(visuals.ground, 0.7)),
         (others, Material(visuals.wall.color, 0.9)),

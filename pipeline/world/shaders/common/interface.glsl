@@ -23,7 +23,7 @@ layout(set = 0, binding = 0) uniform CameraBuffer {
 
 layout(set = 1, binding = 0) uniform ObjectTransformBuffer { mat4 modelMatrix; } objectTransformBuffer;
 
-// `body` is ours: the number the segmentation shows, 0 for background.
+// `body` is ours: the number the segmentation shows; 0 and less is background, less than 0 casts no shadow.
 layout(set = 1, binding = 1) uniform ObjectDataBuffer {
   uvec4 segmentation;
   float transparency;

@@ -31,8 +31,6 @@ layout(set = 3, binding = 3) uniform sampler2D samplerDirectionalLightDepths[3];
 layout(set = 3, binding = 4) uniform sampler2D samplerSpotLightDepths[10];
 layout(set = 3, binding = 5) uniform sampler2D samplerTexturedLightDepths[1];
 layout(set = 3, binding = 6) uniform sampler2D samplerTexturedLightTextures[1];
-layout(set = 3, binding = 7) uniform samplerCube samplerEnvironment;
-layout(set = 3, binding = 8) uniform sampler2D samplerBRDFLUT;
 
 layout(location = 0) in vec3 inWorld;
 layout(location = 1) in vec3 inNormal;

@@ -7,5 +7,5 @@ layout(location = 1) out vec4 outBody;
 
 void main() {
   outPicture = vec4(display(shade()), 1.0);
-  outBody = vec4(float(objectDataBuffer.body) / 255.0, 0.0, 0.0, 1.0);
+  outBody = vec4(float(max(objectDataBuffer.body, 0)) / 255.0, 0.0, 0.0, 1.0);
 }
