@@ -11,6 +11,7 @@ from pipeline.world.robots.arx_look import Livery
 from pipeline.world.robots.contract import SIDES, Arm, Embodiment
 from pipeline.world.robots.notation import FACING_TABLE, HEAD_CAMERA, at, box
 from pipeline.world.robots.parts import BLACK, CHARCOAL, GREY, RUBBER, SILVER, Visual, block, depth_camera, housing, painted
+from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Collider
 
 ROOT = pose((0, -0.65, 0), FACING_TABLE)  # `footprint`, on the floor
@@ -71,8 +72,13 @@ def base_body() -> tuple[Visual, tuple[Collider, ...]]:
     return (*visual, *depth_camera(HEAD_CAMERA)), solid
 
 
-def embodiment() -> Embodiment:
+def stand(side: str) -> Stand:
+    """What stands under one arm when it is paired with another model: the wheeled base stays away."""
+    x, y, z = base_pose(side)[:3].tolist()
+    return pedestal((x, y, z), 0.06)
+
+
+def embodiment(aliases: tuple[str, ...] = ()) -> Embodiment:
     """Both front arms on the base."""
     visual, solid = base_body()
-    arms = {side: arm(side) for side in SIDES}
-    return Embodiment("aloha-agilex", arms, HEAD_CAMERA, visual, solid, aliases=("aloha", "cobot-magic"))
+    return Embodiment("aloha-agilex", {side: arm(side) for side in SIDES}, HEAD_CAMERA, visual, solid, aliases)

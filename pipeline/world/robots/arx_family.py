@@ -7,10 +7,10 @@ upper arm lies backwards, the forearm above it points forwards again.
 from dataclasses import dataclass
 from functools import cache
 
-from pipeline.poses import Pose, pose
+from pipeline.poses import Pose
 from pipeline.world.robots.arx_look import Livery, arx_visuals
 from pipeline.world.robots.contract import Arm, Gripper, Link, Mount
-from pipeline.world.robots.notation import Triple, at, box, cylinder, jaw, link, revolute
+from pipeline.world.robots.notation import Triple, box, camera_body, cylinder, jaw, link, revolute, tool_frame, wrist_camera
 from pipeline.world.robots.parts import dressed
 
 Y, Z, X = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
@@ -23,9 +23,6 @@ LOWER = (-3.14, -0.05, -0.1, -1.6, -1.57, -2.0)
 UPPER = (2.618, 3.5, 3.2, 1.55, 1.57, 2.0)
 VELOCITY = (5.0, 5.0, 5.5, 5.5, 5.0, 5.0)
 TORQUE = (30.0, 40.0, 30.0, 15.0, 10.0, 10.0)
-# RoboTwin's wrist cameras sit at (0.07, 0.032, 0.065) pitched 0.4 (aloha) and (0.0845, 0, 0.05) pitched 0.349 (X5A): their 37 degree
-# pictures cut off the pads and one finger. Further back and up, both fingers and what they hold are in view at any opening.
-WRIST_CAMERA = at((0.042, 0.0, 0.085), (0.0, 0.55, 0.0))
 JAW_SPEED = 0.3
 JAW_FORCE = 40.0
 
@@ -82,7 +79,7 @@ def arx_arm(variant: Variant, base: Pose) -> Arm:
         )
         for i, (origin, side) in enumerate(zip(variant.jaw_origins, (1.0, -1.0), strict=True))
     ]
-    tcp = (variant.finger_end - 0.018, 0.0, 0.0)
+    tcp = _tcp(variant)
     return Arm(
         model=variant.model,
         base=base,
@@ -90,7 +87,7 @@ def arx_arm(variant: Variant, base: Pose) -> Arm:
         joints=tuple(joints),
         arm_joints=ARM_JOINTS,
         hand="link6",
-        tcp=pose(tcp),
+        tcp=tcp,
         gripper=Gripper(
             ("joint7", "joint8"),
             ("link7", "link8"),
@@ -101,9 +98,13 @@ def arx_arm(variant: Variant, base: Pose) -> Arm:
             JAW_SPEED,
         ),
         home=variant.home,
-        camera=Mount("link6", WRIST_CAMERA),
+        camera=Mount("link6", wrist_camera(tcp)),
         allowed_overlap=(("link7", "link8"),),  # closed pads touch
     )
+
+
+def _tcp(variant: Variant) -> Pose:
+    return tool_frame((variant.finger_end - 0.018, 0.0, 0.0), X, Z)
 
 
 @cache
@@ -111,6 +112,7 @@ def _links(variant: Variant) -> tuple[Link, ...]:
     """Links with collision pieces. All motors are 57 mm housings; that is what lets the folded arm clear itself at zero."""
     elbow, wrist, yaw, roll = (variant.origins[i][0] for i in (2, 3, 4, 5))
     shoulder = variant.origins[1][0]
+    camera = wrist_camera(_tcp(variant))
     pieces = {
         "base_link": (box((-0.045, -0.045, 0), (0.045, 0.045, 0.012)), cylinder((0, 0, 0), (0, 0, 0.057), 0.038)),
         "link1": (
@@ -119,7 +121,7 @@ def _links(variant: Variant) -> tuple[Link, ...]:
             box((shoulder[0] - 0.022, 0.033, 0.004), (shoulder[0] + 0.022, 0.042, 0.064)),
         ),
         "link2": (
-            cylinder((0, -0.032, 0), (0, 0.032, 0), 0.029),
+            cylinder((0, -0.032, 0), (0, 0.032, 0), 0.028),
             box((elbow[0], -0.026, -0.026), (0, 0.026, 0.026)),
             cylinder((elbow[0], -0.032, 0), (elbow[0], 0.032, 0), 0.03),
         ),
@@ -129,7 +131,7 @@ def _links(variant: Variant) -> tuple[Link, ...]:
             box((0.02, -0.026, -0.082), (wrist[0] - 0.02, 0.026, -0.038)),
         ),
         "link4": (
-            cylinder((0, -0.036, 0), (0, 0.036, 0), 0.026),
+            cylinder((0, -0.036, 0), (0, 0.036, 0), 0.024),
             box((-0.02, -0.03, yaw[2] - 0.004), (0.02, 0.03, -0.01)),
             cylinder((yaw[0], 0, yaw[2] - 0.008), (yaw[0], 0, yaw[2] + 0.038), 0.03),
         ),
@@ -140,13 +142,13 @@ def _links(variant: Variant) -> tuple[Link, ...]:
         "link6": (
             cylinder((0, 0, 0), (0.04, 0, 0), 0.03),
             box((0.036, -0.062, -0.021), (0.076, 0.062, 0.021)),
-            box((0.012, -0.063, 0.068), (0.048, 0.03, 0.102)),
+            camera_body(camera),
             box((0.024, -0.014, 0.021), (0.046, 0.014, 0.066)),
         ),
         "link7": _finger(variant, 1.0),
         "link8": _finger(variant, -1.0),
     }
-    looks = arx_visuals([o[0] for o in variant.origins], variant.jaw_origins, variant.finger_end, WRIST_CAMERA, variant.livery)
+    looks = arx_visuals([o[0] for o in variant.origins], variant.jaw_origins, variant.finger_end, camera, variant.livery)
     return tuple(
         dressed(link(name, mass, com, inertia, *pieces[name]), looks[name])
         for name, (mass, com, inertia) in zip(LINKS, INERTIALS, strict=True)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.poses import Pose, frame, pose, quat_from_matrix, quat_from_rpy
+from pipeline.poses import Pose, compose, frame, pose, quat_from_matrix, quat_from_rpy
 from pipeline.world.robots.contract import Joint, Link
 from pipeline.world.shapes import Collider
 
@@ -20,6 +20,11 @@ Triple = tuple[float, float, float]
 def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
     """Pose of a URDF `<origin xyz rpy>` (m, rad)."""
     return pose(xyz, quat_from_rpy(*rpy))
+
+
+def facing_table(xyz: Triple) -> Pose:
+    """Base pose (7,) at a world position whose x axis points away from the robot's side of the table (world +y)."""
+    return pose(xyz, FACING_TABLE)
 
 
 def revolute(
@@ -50,6 +55,30 @@ def jaw(
 ) -> Joint:
     """A slide: limits (lower, upper) m, velocity m/s, effort N."""
     return Joint(name, "prismatic", parent, child, at(xyz, rpy), axis, limits[0], limits[1], velocity, effort)
+
+
+def fixed(name: str, parent: str, child: str, xyz: Triple, rpy: Triple) -> Joint:
+    """A rigid connection."""
+    return Joint(name, "fixed", parent, child, at(xyz, rpy))
+
+
+def tool_frame(position: Triple, approach: Triple, up: Triple) -> Pose:
+    """Tool frame in the hand link: x along `approach`, z along `up` (the side of the wrist camera), y the opening direction."""
+    return frame(position, approach, np.cross(up, approach))
+
+
+def wrist_camera(tcp: Pose) -> Pose:
+    """Camera pose in the hand link: 9.5 cm behind and 8.5 cm above the tool frame, pitched down by 0.55 rad.
+
+    RoboTwin's mounts (further forward or unpitched) cut off the pads or a finger in a 37 degree picture; from here both fingers and
+    what they hold are in view at any opening up to 11 cm.
+    """
+    return compose(tcp, at((-0.095, 0, 0.085), (0, 0.55, 0)))
+
+
+def camera_body(camera: Pose) -> Collider:
+    """Collision box of the depth camera drawn by `parts.depth_camera`."""
+    return Collider("box", (0.013, 0.045, 0.0125), compose(camera, pose((-0.016, -0.0175, 0))))
 
 
 def box(lower: ArrayLike, upper: ArrayLike) -> Collider:

@@ -89,6 +89,11 @@ def depth_camera(place: Pose, width: float = 0.09) -> Visual:
     return ((body.moved(place), SILVER), (front.moved(place), GLASS))
 
 
+def camera_rod(camera: Pose, root: ArrayLike) -> Mesh:
+    """Rod from a point on the hand (m) to the rear of the camera body, out of the camera's own view."""
+    return housing(root, transform(camera, (-0.018, -0.004, -0.006)), 0.008, 0.001, 8)
+
+
 def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Visual:
     """One joined mesh per material: fewer draw calls than one per part."""
     return tuple((join(*meshes), material) for material, meshes in ((m, tuple(g)) for m, g in groups) if meshes)

@@ -1,0 +1,31 @@
+"""What a single arm stands on: a plate on a column behind the table edge."""
+
+from pipeline.world.robots.notation import Triple, box
+from pipeline.world.robots.parts import CHARCOAL, GREY, SILVER, Visual, block, painted
+from pipeline.world.shapes import Collider
+
+Stand = tuple[Visual, tuple[Collider, ...]]
+
+TABLE_EDGE = -0.35  # y of the table's edge on the robot's side, m
+GAP = 0.003  # between the stand's collision and the base link, m
+
+
+def pedestal(base: Triple, half: float) -> Stand:
+    """A stand in the world frame for a base at `base` (m) whose foot fits a square of half edge `half` (m).
+
+    The column keeps behind the table edge; only the plate under the foot may reach over the table.
+    """
+    x, y, z = base
+    column_y = min(y, TABLE_EDGE - 0.015 - half)
+    front = max(y, column_y) + half
+    width = half - 0.012
+    visual = painted(
+        (CHARCOAL, [block((x - half, column_y - half, z - 0.018), (x + half, front, z), 0.003)]),
+        (SILVER, [block((x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017), 0.004)]),
+        (GREY, [block((x - half - 0.05, column_y - half - 0.06, 0), (x + half + 0.05, column_y + half, 0.03), 0.004)]),
+    )
+    solid = (
+        box((x - half, column_y - half, z - 0.018), (x + half, front, z - GAP)),
+        box((x - half, column_y - half, 0), (x + half, column_y + half, z - 0.018)),
+    )
+    return visual, solid
