@@ -82,7 +82,7 @@ def plan_grasp(
         if line is None or planner.line(side, line[-1], lifted(tcp[i], lift)) is None:
             continue
         blocked = "grasp_blocked"
-        if not (all(closing(row) for row in line) and free(q[i])):
+        if not (closing(line) and free(q[i])):
             continue
         tries -= 1
         try:

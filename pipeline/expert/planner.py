@@ -24,6 +24,9 @@ SPEED_LIMIT = 1.4
 """Planning limit of joint speed in rad/s where the robot's own is higher: calm enough to watch, quick enough to catch."""
 
 
+Free = Callable[[ArrayLike], bool]
+
+
 @dataclass(eq=False)
 class Leg:
     """Timed rows of one arm at the physics rate: joints (M,n), joint velocities (M,n), gripper values (M,)."""
@@ -49,6 +52,7 @@ class Planner:
         self.embodiment = embodiment
         self.chains: dict[str, Chain] = {side: chain_of(embodiment.arms[side]) for side in SIDES}
         self.world = CollisionWorld(embodiment)
+        self._alone = self.world.with_objects()
         self._limits = {side: self._arm_limits(side) for side in SIDES}
 
     def _arm_limits(self, side: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -76,8 +80,8 @@ class Planner:
 
     def checker(
         self, actor: "Actor", side: str, ignore: Iterable[tuple[str, str]] = (), jaws: float | None = None, margin: float = 0.002
-    ) -> Callable[[NDArray[np.float64]], bool]:
-        """`free(q)` for one arm among the bodies as they stand, the other arm at its command.
+    ) -> Free:
+        """`free(q)` for one arm, joints (n,) or rows (K,n), among the bodies as they stand, the other arm at its command.
 
         `ignore` lists pairs (side or body, body) that may touch; `jaws` overrides the moving gripper's value.
         """
@@ -89,26 +93,23 @@ class Planner:
         values = {s: now[s][1] for s in SIDES}
         if jaws is not None:
             values[side] = jaws
-        pair = (values["left"], values["right"])
-        other = now["right" if side == "left" else "left"][0]
+        return scene.free(side, now["right" if side == "left" else "left"][0], (values["left"], values["right"]))
 
-        def free(q: NDArray[np.float64]) -> bool:
-            left, right = (q, other) if side == "left" else (other, q)
-            return not scene.in_collision(left, right, pair)
-
-        return free
+    def arms_apart(self, left: NDArray[np.float64], right: NDArray[np.float64]) -> bool:
+        """Whether the two arms, and table and furniture, keep clear of each other along rows (K,n) of both."""
+        return self._alone.first_blocked(left, right) is None
 
     def timed(self, side: str, waypoints: NDArray[np.float64], gripper: float, minimum: float = 0.0, speed: float = 1.0) -> Leg:
         """Waypoints (K,n) -> a leg that starts and ends at rest, takes at least `minimum` s and keeps the gripper as it is."""
         velocity, acceleration = self._limits[side]
         t = time_parameterise(waypoints, velocity * speed, acceleration, minimum_duration=minimum)
-        return Leg(t.q[1:], t.qd[1:], np.full(len(t.q) - 1, gripper))
+        rows = slice(1, None) if len(t.q) > 1 else slice(None)  # the first row is where the arm already is
+        return Leg(t.q[rows], t.qd[rows], np.full(len(t.q[rows]), gripper))
 
-    def free_leg(
-        self, actor: "Actor", side: str, goal: NDArray[np.float64], free: Callable[[NDArray[np.float64]], bool], speed: float = 1.0
-    ) -> Leg:
+    def free_leg(self, actor: "Actor", side: str, goal: NDArray[np.float64], free: Free, speed: float = 1.0) -> Leg:
         """A collision-free motion from the command to `goal`. Raises PlanFailure("path_blocked")."""
-        path = connect(free, actor.q(side), goal, actor.rng)
+        chain = self.chains[side]
+        path = connect(free, actor.q(side), goal, actor.rng, limits=(chain.lower, chain.upper))
         if path is None:
             raise PlanFailure("path_blocked", f"the {side} arm finds no way")
         return self.timed(side, path, actor.gripper(side), speed=speed)

@@ -120,10 +120,9 @@ def _check_arms(a: Actor, beat: Beat) -> None:
         return
     left, right = beat["left"].q, beat["right"].q
     n = max(len(left), len(right))
-    for k in range(0, n, 12):
-        free = a.planner.arms_apart(left[min(k, len(left) - 1)], right[min(k, len(right) - 1)])
-        if not free:
-            raise PlanFailure("arms_collide", "the arms would touch each other")
+    rows = np.arange(0, n, 12)
+    if not a.planner.arms_apart(left[np.minimum(rows, len(left) - 1)], right[np.minimum(rows, len(right) - 1)]):
+        raise PlanFailure("arms_collide", "the arms would touch each other")
 
 
 def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
@@ -280,7 +279,7 @@ def press(
         order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
         for i in order[:24]:
             line = a.planner.line(side, q[i], lifted(down[i], -depth))
-            if line is None or not free(q[i]) or not all(free(row) for row in line[: len(line) * 3 // 4]):
+            if line is None or not free(q[i]) or not free(line[: len(line) * 3 // 4]):
                 continue
             try:
                 leg = a.planner.free_leg(a, side, q[i], free)

@@ -1,22 +1,18 @@
 """From waypoints to joint rows at the physics rate, at rest at both ends and within velocity and acceleration limits.
 
 Two waypoints are a straight joint move with a trapezoidal speed profile in closed form. More waypoints are a polyline whose
-corners are rounded by parabolas that stay within `deviation` rad of it, so a path that was checked with a margin stays free; the
-rounded path is timed by TOPP-RA (Pham and Pham, "A new approach to time-optimal path parameterization based on reachability
-analysis", T-RO 2018). No jerk limit: accelerations jump, drives must follow.
+corners are rounded by parabolas that stay within `deviation` rad of it, so a path that was checked with a margin stays free;
+`timing.py` finds the fastest speed along it. No jerk limit: accelerations jump, drives must follow.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import toppra
-import toppra.algorithm
-import toppra.constraint
 from numpy.typing import ArrayLike, NDArray
-from toppra.interpolator import AbstractGeometricPath
 
 from pipeline.expert.failure import PlanFailure
+from pipeline.expert.timing import fastest
 
 RATE = 240  # Hz, the physics rate
 SAME = 1e-6  # rad; waypoints closer than this in every joint are one
@@ -60,7 +56,7 @@ def time_parameterise(
         return _still(corners[0], minimum_duration, rate)
     if len(corners) == 2:
         return _trapezoid(corners[0], corners[1], v, a, rate, minimum_duration)
-    return _toppra(corners, v, a, rate, minimum_duration, deviation)
+    return _along(corners, v, a, rate, minimum_duration, deviation)
 
 
 def stretched(t: Trajectory, duration: float) -> Trajectory:
@@ -89,8 +85,8 @@ def synchronise(a: Trajectory, b: Trajectory) -> tuple[Trajectory, Trajectory]:
     return stretched(a, duration), stretched(b, duration)
 
 
-class RoundedPolyline(AbstractGeometricPath):
-    """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: a toppra path q(s), C1, q'' constant by pieces.
+class RoundedPolyline:
+    """The polyline through `waypoints` (K,n), K >= 2, with parabolas for corners: q(s), C1, q'' constant between `knots`.
 
     s is the length of the polyline in the joint that moves most. A parabola starts and ends d before and after its corner and
     misses it by d |u1 - u0| / 4, where u0, u1 = q' on the two legs; d is chosen so that this is at most `deviation` in every
@@ -127,38 +123,20 @@ class RoundedPolyline(AbstractGeometricPath):
             return self.base[k] + t * (self.slope[k] + t * self.bend[k])
         return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
 
-    @property
-    def dof(self) -> int:
-        """Number of joints n."""
-        return self.base.shape[1]
-
-    @property
-    def path_interval(self) -> Floats:
-        """First and last path position (2,)."""
-        return self.knots[[0, -1]]
-
-    def grid(self, spacing: float = 0.12) -> Floats:
-        """Path positions for TOPP-RA: both sides of every knot, where q'' jumps, and points at most about `spacing` apart."""
-        out = [np.zeros(1)]
-        for a, b in pairwise(self.knots.tolist()):
-            side = 1e-3 * min(b - a, 0.01)
-            out.append(np.linspace(a + side, b - side, 2 + int((b - a) / spacing)))
-        return np.concatenate([*out, self.knots[-1:]])
+    def grid(self, spacing: float = 0.05) -> Floats:
+        """All knots and points between them at most `spacing` apart."""
+        pieces = [np.linspace(a, b, 2 + int((b - a) / spacing))[1:] for a, b in pairwise(self.knots.tolist())]
+        return np.concatenate([self.knots[:1], *pieces])
 
 
-def _toppra(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float, deviation: float) -> Trajectory:
+def _along(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float, deviation: float) -> Trajectory:
     path = RoundedPolyline(corners, deviation)
     s = path.grid()
-    limits = [
-        toppra.constraint.JointVelocityConstraint(np.stack([-v, v], axis=1)),
-        toppra.constraint.JointAccelerationConstraint(np.stack([-a, a], axis=1)),
-    ]
-    timing = toppra.algorithm.TOPPRA(limits, path, gridpoints=s)
-    accelerations, speeds = timing.compute_parameterization(0.0, 0.0)[:2]
-    if accelerations is None or speeds is None or not np.isfinite(speeds).all():
-        raise PlanFailure("time_parameterisation", f"no timing for a path of {len(corners)} waypoints")
-    # Between grid points s has constant acceleration; sampling it here is twenty times faster than toppra's own trajectory.
-    times = np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / np.maximum(speeds[:-1] + speeds[1:], 1e-9))])
+    x = fastest(s, path(s, 1), path(0.5 * (s[:-1] + s[1:]), 2), v, a)
+    speeds, accelerations = np.sqrt(x), np.diff(x) / (2 * np.diff(s))
+    if not (speeds[1:-1] > 0).all():
+        raise PlanFailure("time_parameterisation", f"a path of {len(corners)} waypoints gets stuck")
+    times = np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (speeds[:-1] + speeds[1:]))])
 
     def sample(t: NDArray[np.floating]) -> tuple[Floats, Floats]:
         i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(s) - 2)
@@ -170,7 +148,7 @@ def _toppra(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float, de
     duration = float(times[-1])
     rows = max(_rows(duration, rate), _rows(minimum, rate))
     _, qd = sample(np.linspace(0.0, duration, rows))
-    # TOPP-RA keeps the limits at grid points only: slow down uniformly by what the samples in between exceed them.
+    # Velocity limits hold at grid points only: slow down uniformly by what the samples in between exceed them.
     slow = duration * rate / (rows - 1)
     over = max(float((np.abs(qd) / v).max()) * slow, np.sqrt(float((np.abs(np.diff(qd, axis=0)) * rate / a).max()) * slow))
     if over > 1.0:

@@ -14,6 +14,9 @@ from pipeline.world.cameras import cameras_of, visible
 TAIL = 0.25
 """Seconds after the meeting for which the straight continuation must stay in the workspace and in view."""
 
+END_SPEED = 2.0
+"""Times alpha: the fastest a target may be at the meeting, where the average bound of levels 2 and 3 allows any speed."""
+
 _FRAME_MARGIN = 4.0  # pixels
 
 
@@ -43,6 +46,7 @@ def back_calculate(stage: Stage, dry: DryRun, *, camera: str, lead: float, speed
             free=clearance.free,
             lead=lead,
             tail=TAIL,
+            end_speed_limit=END_SPEED * spec.alpha,
             speed_bound="maximum" if speed_bound == "maximum" else "average",
         )
     except NoMotion as no:

@@ -32,6 +32,11 @@ def _geometry(c: Collider) -> coal.CollisionGeometry:
         return coal.Box(*(2 * np.array(c.size)))
     if c.kind == "sphere":
         return coal.Sphere(c.size[0])
+    if c.kind == "convex":
+        points = coal.StdVec_Vec3s()
+        for vertex in np.asarray(c.vertices, float):
+            points.append(vertex)
+        return coal.Convex.convexHull(points, False, "Qt")
     kind = coal.Cylinder if c.kind == "cylinder" else coal.Capsule
     return kind(c.size[0], 2 * c.size[1])
 
@@ -87,7 +92,9 @@ class Clearance:
 
 
 def _box_corners(c: Collider) -> NDArray[np.float64]:
-    return c.support_points()[:8]
+    points = c.support_points()
+    low, high = points.min(0), points.max(0)
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
 def _placed(body: NDArray[np.float64], c: Collider) -> coal.Transform3s:

@@ -1,6 +1,6 @@
 """What a task is: a layout, a script in two halves and one success condition. docs/add_a_task.md walks through one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -114,24 +114,37 @@ def side_of(body: Body) -> str:
     return "left" if body.pose[0] < 0 else "right"
 
 
-def place(task: Task, objects: np.random.Generator, placement: np.random.Generator, tries: int = 200) -> dict[str, Body]:
+def place(task: Task, objects: np.random.Generator, placement: np.random.Generator, tries: int = 50) -> dict[str, Body]:
     """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
 
-    Raises PlanFailure("layout") when a body finds no free place in `tries` draws.
+    A layout that leaves no room for its last bodies is drawn again. Raises PlanFailure("layout") after `tries` layouts.
     """
-    bodies: dict[str, Body] = {}
-    names = {type_: name for name, type_ in FAMILIES.items()}
-    for p in task.layout(Draw(objects, placement)):
-        box = p.instance.shape().aabb()
-        for _ in range(tries):
-            x, y = placement.uniform(*sorted(p.region.x)), placement.uniform(*p.region.y)
-            pose = yawed((x, y, TABLE_TOP), placement.uniform(*p.region.yaw))
-            if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in bodies.values()):
+    missing = ""
+    for _ in range(tries):
+        bodies: dict[str, Body] = {}
+        for p in task.layout(Draw(objects, placement)):
+            pose = _free_pose(p, bodies.values(), placement)
+            if pose is None:
+                missing = p.name
                 break
+            bodies[p.name] = Body(p.name, _family_name(p.instance), p.instance, pose, p.fixed)
         else:
-            raise PlanFailure("layout", f"no free place for {p.name}")
-        bodies[p.name] = Body(p.name, names[type(p.instance)], p.instance, pose, p.fixed)
-    return bodies
+            return bodies
+    raise PlanFailure("layout", f"no free place for {missing}")
+
+
+def _family_name(instance: Family) -> str:
+    return next(name for name, family in FAMILIES.items() if family is type(instance))
+
+
+def _free_pose(p: Placement, others: Iterable[Body], rng: np.random.Generator, tries: int = 20) -> np.ndarray | None:
+    box = p.instance.shape().aabb()
+    for _ in range(tries):
+        x, y = rng.uniform(*sorted(p.region.x)), rng.uniform(*p.region.y)
+        pose = yawed((x, y, TABLE_TOP), rng.uniform(*p.region.yaw))
+        if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
+            return pose
+    return None
 
 
 def _apart(pose: np.ndarray, box: np.ndarray, other: Body, gap: float) -> bool:

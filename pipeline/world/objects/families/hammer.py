@@ -61,14 +61,15 @@ class Hammer(Family):
             20,
         )  # fmt: skip
         collar = at(cylinder(1.25 * h, 2 * r + 0.004, 14, 0.002), (-r - 0.002, 0, z), ALONG_X)
-        grip = Collider("cylinder", (h, (long - f) / 2), pose((-(long + f) / 2, 0, z), ALONG_X))
+        # flat sides, as real grips have: two round pads on a round bar could not keep the head from swinging
+        grip = Collider("box", ((long - f) / 2, h, h), pose((-(long + f) / 2, 0, z)))
         return Shape(
             visual=((at(shaft, (-long, 0, z), ALONG_X), skin), (head, steel), (collar, steel)),
             collision=(
                 *(replace(c, weight=_STEEL_TO_WOOD) for c in cylinder_collider(f, 0.0, self.reach)),
                 grip,
             ),
-            mass=0.30 * (f / 0.0235) ** 2,
+            mass=0.17 * (f / 0.0235) ** 2,
             friction=0.7,
         )
 
@@ -81,7 +82,7 @@ class Hammer(Family):
                 "face": mark(0, 0, 0, (0, 0, -1)),
                 "grip": mark(-0.6 * long, 0, z),
             },
-            bar_pinches([-0.85 * long, -0.72 * long, -0.6 * long], h, z, kind="handle"),
+            bar_pinches([-0.7 * long, -0.6 * long, -0.5 * long], h, z, kind="handle"),
         )
 
     def words(self) -> Words:
