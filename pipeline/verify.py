@@ -125,7 +125,7 @@ def _check_speed(v: Verification, name: str, episode: Episode, motion: TargetMot
     speed = motion.maximum_speed() if spec.level == 1 else motion.average_speed()
     v["speed"].see(0 < speed <= spec.alpha * (1 + 1e-6), f"{name}: {speed:.4f} m/s is over alpha {spec.alpha:g}")
     if spec.level == 3:
-        jumps = np.linalg.norm(motion.velocity_jumps(), axis=-1)
+        jumps = np.atleast_1d(motion.velocity_jumps())
         v["abrupt"].see(bool(len(jumps)) and float(jumps.max()) > 0, f"{name}: a level-3 target never changes velocity abruptly")
 
 
