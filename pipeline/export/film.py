@@ -35,8 +35,9 @@ class Film:
 
 
 def film(path: Path, columns: int = 6, width: int = 320, camera: str = CAMERA) -> Film:
-    """`columns` frames of an episode file from first to last (fewer where the episode is shorter), one of them the meeting,
-    scaled to `width` pixels. Raises EpisodeError for a file that is no episode or has no such camera."""
+    """Up to `columns` frames of an episode file, as `pick_frames` chooses them, scaled to `width` pixels.
+
+    Raises EpisodeError for a file that is no episode or has no such camera."""
     with open_episode(path) as e:
         episode = e.read()
         pixels, in_front = target_path(e, episode, camera)
@@ -53,17 +54,18 @@ def film(path: Path, columns: int = 6, width: int = 320, camera: str = CAMERA) -
 
 
 def pick_frames(count: int, columns: int, meeting: int | None) -> list[int]:
-    """Indices of at most `columns` of `count` frames, evenly spread from first to last; an inner one gives way to the meeting.
-
-    Raises ValueError for fewer than two columns.
+    """Indices of at most `columns` of `count` frames from first to last: half of them spread evenly up to the meeting, the rest
+    after it, so that the approach shows however long the episode goes on. Raises ValueError for fewer than two columns.
     """
     if columns < 2:
         raise ValueError(f"a film needs two columns or more, not {columns}")
-    picks = np.linspace(0, count - 1, columns).round().astype(int)
-    if meeting is not None and meeting not in picks:
-        inner = picks[1:-1] if len(picks) > 2 else picks
-        inner[np.abs(inner - meeting).argmin()] = meeting
-    return sorted({int(i) for i in picks})
+    last = count - 1
+    if meeting is None or not 0 < meeting < last or columns < 3:
+        picks = np.linspace(0, last, columns)
+    else:
+        before = (columns + 1) // 2
+        picks = np.concatenate([np.linspace(0, meeting, before), np.linspace(meeting, last, columns - before + 1)[1:]])
+    return sorted({int(i) for i in picks.round()})
 
 
 def meeting_frame(episode: Episode) -> int | None:

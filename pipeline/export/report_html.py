@@ -37,7 +37,8 @@ a:hover { text-decoration: underline; }
 .bars div { display: flex; gap: .5rem; align-items: center; }
 .bars i { height: 9px; border-radius: 3px; min-width: 2px; background: var(--bad); } .bars i.good { background: var(--good); }
 .plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(300px, 1fr)); gap: 1rem; } .plots .card { margin: 0; }
-svg { display: block; width: 100%; height: auto; } svg text { fill: var(--faint); font-size: 11px; } .key b { font-weight: 600; }
+svg { display: block; width: 100%; max-width: 420px; height: auto; } svg text { fill: var(--faint); font-size: 11px; }
+.key b { font-weight: 600; }
 .key i { display: inline-block; width: .75em; height: .75em; border-radius: 2px; margin: 0 .35em 0 .9em; }
 @media (max-width: 700px) { .film { grid-template-columns: repeat(3, 1fr); } }
 """
