@@ -2,22 +2,26 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from pipeline.annotate.feature_stage import FeatureStage
 from pipeline.annotate.flow_stage import FlowStage
 from pipeline.annotate.keys import AnnotateError
+from pipeline.annotate.mask_stage import MaskStage
 from pipeline.annotate.options import STAGES, AnnotateOptions
+from pipeline.annotate.ray_pool import run_ray
 from pipeline.annotate.select import parse_where
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import episode_paths, sweep, write_stage
-from pipeline.annotate.work import Outcome, process
+from pipeline.annotate.work import Outcome, StageWorker
 from pipeline.episode import EpisodeError, open_episode
 
-EXECUTORS = ("inline", "ray")
+EXECUTORS = ("inline", "ray", "auto")
 
 
 def build_stages(options: AnnotateOptions, stages: Sequence[str], render: Render | None, device: str = "auto") -> list[Stage]:
@@ -29,6 +33,10 @@ def build_stages(options: AnnotateOptions, stages: Sequence[str], render: Render
     for camera in options.cameras:
         if "flow" in stages:
             built.append(FlowStage(options.flow, camera, render))
+        if "masks" in stages or "features" in stages:
+            masks = MaskStage.resolve(options.masks, camera, render, device)
+            built += [masks] if "masks" in stages else []
+            built += [FeatureStage.resolve(options.features, masks, device)] if "features" in stages else []
     return sorted(built, key=lambda s: STAGES.index(s.name))
 
 
@@ -47,6 +55,7 @@ def annotate(
 ) -> dict[str, Any]:
     """Bring `stages` of a dataset directory up to date and say what was done.
 
+    `executor` inline works in this process, ray on `workers` actors, auto takes ray for more than one worker.
     `where` selects episodes (see select.py); `dry_run` writes nothing and lists what would run and why; `render` re-renders
     episodes for simulator truth where they store none. Returns {"dataset", "episodes", "dry_run", "stages": [...]}; a stage has
     "name", "camera", "directory", "computed", "reused", "invalid" (of the computed, those that replaced a stale or corrupt file),
@@ -57,7 +66,9 @@ def annotate(
     """
     options = options or AnnotateOptions()
     if executor not in EXECUTORS or workers < 1:
-        raise AnnotateError(f"executor {executor!r} with {workers} workers is unknown: use {' or '.join(EXECUTORS)} and at least 1")
+        raise AnnotateError(
+            f"executor {executor!r} with {workers} workers is unknown: use {', '.join(EXECUTORS)} and at least 1 worker"
+        )
     dataset = Path(dataset)
     chosen = select_episodes(dataset, where)
     built = build_stages(options, stages, render, device)
@@ -68,14 +79,16 @@ def annotate(
         if not dry_run and chosen:
             write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
             sweep(dataset, directory)
-        outcomes = _run(stage, dataset, chosen, dry_run, workers, executor)
+        if executor == "ray" or (executor == "auto" and workers > 1):
+            outcomes = run_ray(stage, dataset, chosen, dry_run, workers, device)
+        else:
+            outcomes = StageWorker(stage, dataset, dry_run).run(chosen)
         bar = tqdm(outcomes, total=len(chosen), desc=directory, unit="episode", disable=not progress)
-        report["stages"].append(_summary(stage, directory, list(bar), time.perf_counter() - start, dry_run))
+        done = sorted(bar, key=lambda o: o.episode)
+        if dry_run and stage.name == "features" and "masks" in stages:
+            done = [replace(o, action="computed", reason="after its masks") if o.action == "waiting" else o for o in done]
+        report["stages"].append(_summary(stage, directory, done, time.perf_counter() - start, dry_run))
     return report
-
-
-def _run(stage: Stage, dataset: Path, episodes: Sequence[Path], dry_run: bool, workers: int, executor: str) -> Iterator[Outcome]:
-    return process(stage, dataset, episodes, dry_run)
 
 
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:

@@ -101,6 +101,17 @@ def read_entry(path: Path) -> Entry:
     return entry
 
 
+def entry_header(path: Path) -> tuple[str, str]:
+    """Key and content checksum that a file claims, without reading its arrays. Raises as `read_entry`."""
+    if not path.is_file():
+        raise FileNotFoundError(path)
+    try:
+        with h5py.File(path, "r") as f:
+            return str(f.attrs["key"]), str(f.attrs["checksum"])
+    except (OSError, KeyError, RuntimeError) as error:
+        raise CorruptAnnotation(f"{path}: cannot be read ({error}); run annotate again to recompute it") from error
+
+
 def check_entry(path: Path, key: str) -> str:
     """State of a stored annotation against the key it should have: "valid", "missing", "stale" (another key) or "corrupt"."""
     try:

@@ -50,48 +50,51 @@ _REASONS = {
 _EPISODE_FAULTS = (EpisodeError, AnnotateError, CorruptAnnotation, OSError)
 
 
-def process(stage: Stage, dataset: Path, episodes: Sequence[Path], dry_run: bool = False) -> Iterator[Outcome]:
-    """Bring one stage of the given episodes up to date, in order; yields one outcome each. `dry_run` computes and writes nothing.
+class StageWorker:
+    """Works on one stage of one dataset; models are loaded at the first episode that needs them and kept."""
 
-    Raises AnnotateError where a result cannot be written (a full disk stops the run; nothing is half-written).
-    """
-    directory = directory_of(stage)
-    compute: Callable[[Any], Result] | None = None
-    for episode, found in _prefetched(lambda e: _prepare(stage, dataset, directory, e, dry_run), episodes):
-        if isinstance(found, Outcome):
-            yield found
-            continue
-        if compute is None:
-            compute = stage.start()
+    def __init__(self, stage: Stage, dataset: Path, dry_run: bool = False) -> None:
+        self.stage, self.dataset, self.dry_run = stage, Path(dataset), dry_run
+        self.directory = directory_of(stage)
+        self._compute: Callable[[Any], Result] | None = None
+
+    def run(self, episodes: Sequence[Path]) -> Iterator[Outcome]:
+        """Bring the given episodes up to date, in order; yields one outcome each. A dry run computes and writes nothing.
+
+        Raises AnnotateError for models that cannot be loaded or where a result cannot be written (a full disk stops the run;
+        nothing is half-written).
+        """
+        for episode, found in _prefetched(self._prepare, episodes):
+            yield found if isinstance(found, Outcome) else self._finish(episode, found)
+
+    def _prepare(self, episode: Path) -> "Outcome | _Work":
+        name, state = str(episode), "unknown"
+        stage = self.stage
         try:
-            result = compute(found.data)
+            with open_episode(self.dataset / "episodes" / episode) as e:
+                reading = stage.read(e, self.dataset, episode)
+                key = annotation_key(stage.name, stage.version, stage.parameters(), reading.inputs)
+                state = check_entry(annotation_path(self.dataset, self.directory, episode), key)
+                if state == "valid":
+                    return Outcome(name, "reused", state, _REASONS[state])
+                if self.dry_run:
+                    return Outcome(name, "computed", state, _REASONS[state], len(e))
+                return _Work(key, state, dict(reading.inputs), reading.decode(), len(e))
+        except NotReady as error:
+            return Outcome(name, "waiting", "missing", str(error))
         except _EPISODE_FAULTS as error:
-            yield Outcome(str(episode), "failed", found.state, str(error))
-            continue
-        path = annotation_path(dataset, directory, episode)
+            return Outcome(name, "failed", state, str(error))
+
+    def _finish(self, episode: Path, work: "_Work") -> Outcome:
+        if self._compute is None:
+            self._compute = self.stage.start()
+        result = self._compute(work.data)
+        path = annotation_path(self.dataset, self.directory, episode)
         try:
-            write_entry(path, found.key, result.arrays, {**result.attributes, "inputs": found.inputs}, result.compressed)
+            write_entry(path, work.key, result.arrays, {**result.attributes, "inputs": work.inputs}, result.compressed)
         except OSError as error:
             raise AnnotateError(f"cannot write {path}: {error.strerror or error}") from error
-        yield Outcome(str(episode), "computed", found.state, _REASONS[found.state], found.frames)
-
-
-def _prepare(stage: Stage, dataset: Path, directory: str, episode: Path, dry_run: bool) -> Outcome | _Work:
-    name, state = str(episode), "unknown"
-    try:
-        with open_episode(Path(dataset) / "episodes" / episode) as e:
-            reading = stage.read(e, dataset, episode)
-            key = annotation_key(stage.name, stage.version, stage.parameters(), reading.inputs)
-            state = check_entry(annotation_path(dataset, directory, episode), key)
-            if state == "valid":
-                return Outcome(name, "reused", state, _REASONS[state])
-            if dry_run:
-                return Outcome(name, "computed", state, _REASONS[state], len(e))
-            return _Work(key, state, dict(reading.inputs), reading.decode(), len(e))
-    except NotReady as error:
-        return Outcome(name, "waiting", "missing", str(error))
-    except _EPISODE_FAULTS as error:
-        return Outcome(name, "failed", state, str(error))
+        return Outcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
 
 
 def _prefetched[T](prepare: Callable[[Path], T], episodes: Sequence[Path]) -> Iterator[tuple[Path, T]]:

@@ -1,0 +1,151 @@
+"""Where networks come from: a short name, a hub id, or a local directory; what they are is the hash of their files.
+
+Two copies of the same weights are the same model wherever they lie; changed weights at the same path are another one.
+"""
+
+import contextlib
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.annotate.keys import AnnotateError, digest
+
+ALIASES = {
+    "grounding-dino-tiny": "IDEA-Research/grounding-dino-tiny",  # Swin-T, the paper's
+    "grounding-dino-base": "IDEA-Research/grounding-dino-base",
+    **{f"sam2.1-hiera-{s}": f"facebook/sam2.1-hiera-{s}" for s in ("tiny", "small", "base-plus", "large")},
+    **{f"dinov2-{s}": f"facebook/dinov2-{s}" for s in ("small", "base", "large", "giant")},
+    **{f"dinov3-{s}": f"facebook/dinov3-{s}-pretrain-lvd1689m" for s in ("vits16", "vitb16", "vitl16")},
+}
+_FILES = ("*.json", "*.txt", "*.safetensors")
+_IMAGENET = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """A model found on this machine. `digest` is the hash of its configuration, tokenizer and weights; it alone enters keys."""
+
+    name: str
+    revision: str | None
+    path: str
+    digest: str
+
+
+def resolve(name: str, revision: str | None = None) -> ModelFiles:
+    """Find a model: a local directory, else the hub's cache, else the hub. Raises AnnotateError with how to get it."""
+    if not Path(name).is_dir() and name.startswith(("/", ".", "~")):
+        raise AnnotateError(f"model directory {name} does not exist")
+    path = Path(name) if Path(name).is_dir() else _from_hub(ALIASES.get(name, name), revision)
+    if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
+        raise AnnotateError(f"{path} is no model directory: it wants config.json and *.safetensors (as save_pretrained writes)")
+    files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
+    return ModelFiles(name, revision, str(path), digest([[f.name, _file_digest(f)] for f in files]))
+
+
+def _from_hub(repo: str, revision: str | None) -> Path:
+    try:
+        from huggingface_hub import snapshot_download
+        from huggingface_hub.errors import HfHubHTTPError, HFValidationError, LocalEntryNotFoundError
+    except ImportError as error:
+        raise AnnotateError(f"model {repo} needs huggingface_hub: install the annotate extra") from error
+    options: dict[str, Any] = {"revision": revision, "allow_patterns": list(_FILES)}
+    try:
+        with contextlib.suppress(LocalEntryNotFoundError):
+            return Path(snapshot_download(repo, local_files_only=True, **options))
+        return Path(snapshot_download(repo, **options))
+    except (HfHubHTTPError, HFValidationError, LocalEntryNotFoundError, OSError) as error:
+        at = f" --revision {revision}" if revision else ""
+        raise AnnotateError(
+            f"model {repo} is not on this machine and cannot be downloaded ({type(error).__name__}): run `hf download {repo}{at}` "
+            "where there is a network, or name a local directory that holds it (--mask-source sim needs no detector)"
+        ) from error
+
+
+def _file_digest(file: Path) -> str:
+    """sha256 of a file; the hub's cache names large files by just that."""
+    real = file.resolve()
+    if re.fullmatch(r"[0-9a-f]{64}", real.name):
+        return real.name
+    stat = real.stat()
+    return _hash(str(real), stat.st_size, stat.st_mtime_ns)
+
+
+@lru_cache(maxsize=256)
+def _hash(path: str, size: int, mtime_ns: int) -> str:
+    with open(path, "rb") as f:
+        return hashlib.file_digest(f, "sha256").hexdigest()
+
+
+def pick_device(device: str) -> str:
+    """ "cuda" where there is one, for "auto"; else what was asked for. Raises AnnotateError without torch."""
+    try:
+        import torch
+    except ImportError as error:
+        raise AnnotateError("masks and features by model need torch and transformers: install the annotate extra") from error
+    return ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+
+
+def load_model(cls: type, files: ModelFiles, device: str) -> Any:
+    """Frozen model in evaluation mode. `cls` has from_pretrained; raises AnnotateError for files it cannot read whole."""
+    from transformers.utils import logging
+
+    logging.disable_progress_bar()
+    try:
+        model, info = cls.from_pretrained(files.path, local_files_only=True, output_loading_info=True)
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        raise AnnotateError(f"model {files.name} cannot be loaded as {cls.__name__}: {str(error).splitlines()[0]}") from error
+    # the library fills in random numbers for weights that a file lacks, and only warns
+    if info["missing_keys"]:
+        some = ", ".join(sorted(info["missing_keys"])[:2])
+        raise AnnotateError(
+            f"model {files.name} is no {cls.__name__}: its file lacks {some} and {len(info['missing_keys'])} in all"
+        )
+    return model.to(device).eval().requires_grad_(False)
+
+
+@contextlib.contextmanager
+def inference(device: str, precision: str) -> Iterator[None]:
+    """No gradients; mixed precision as asked ("auto": half on a GPU, float32 on a CPU)."""
+    import torch
+
+    if precision == "auto":
+        precision = "float16" if device.startswith("cuda") else "float32"
+    cast = contextlib.nullcontext() if precision == "float32" else torch.autocast(device.split(":")[0], getattr(torch, precision))
+    with torch.inference_mode(), cast:
+        yield
+
+
+def image_settings(files: ModelFiles) -> dict[str, Any]:
+    """`size`, `image_mean`, `image_std` of a model's image processor, ImageNet's mean and deviation where it names none."""
+    found: dict[str, Any] = {}
+    for name in ("processor_config.json", "preprocessor_config.json"):
+        path = Path(files.path) / name
+        if path.is_file():
+            content = json.loads(path.read_text())
+            found |= content.get("image_processor", content)
+    return {
+        "size": found.get("size", {}),
+        "image_mean": found.get("image_mean", _IMAGENET[0]),
+        "image_std": found.get("image_std", _IMAGENET[1]),
+    }
+
+
+def pixels(frames: NDArray[np.uint8], size: tuple[int, int], settings: dict[str, Any], device: str) -> Any:
+    """Frames (N,H,W,3) uint8 -> tensor (N,3,h,w) float32 at `size` = (height, width), antialiased bilinear, normalised."""
+    import torch
+    import torch.nn.functional as functional
+
+    x = torch.from_numpy(np.ascontiguousarray(frames)).to(device).permute(0, 3, 1, 2).float()
+    if tuple(x.shape[2:]) != size:
+        # the library's processors round to whole grey levels after resizing
+        x = functional.interpolate(x, size, mode="bilinear", antialias=True, align_corners=False).clamp(0, 255).round()
+    mean, std = (torch.tensor(settings[k], device=device).view(1, 3, 1, 1) for k in ("image_mean", "image_std"))
+    return (x / 255 - mean) / std
