@@ -21,7 +21,7 @@ def value_noise(rng: np.random.Generator, size: int, cells: tuple[int, int]) -> 
     x = (np.arange(size, dtype=np.float32) + 0.5) * (columns / size) + 1.5
     map_x, map_y = np.broadcast_to(x, (size, size)), np.broadcast_to(y[:, None], (size, size))
     field = cv2.remap(lattice, np.ascontiguousarray(map_x), np.ascontiguousarray(map_y), cv2.INTER_CUBIC)
-    return np.clip(field, 0, 1)
+    return np.clip(field, 0.0, 1.0).astype(np.float32)
 
 
 def fractal(rng: np.random.Generator, size: int, cells: tuple[int, int], octaves: int = 4) -> Field:
@@ -155,7 +155,8 @@ def checker(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
     n = int(rng.choice([4, 6, 8]))
     k = np.arange(size) * n // size
     t = ((k[:, None] + k[None]) % 2).astype(np.float32)
-    other = shade(colour, rng.uniform(0.35, 0.7)) if np.mean(colour) > 0.35 else 1 - 0.4 * np.asarray(colour)
+    own = np.asarray(colour, float)
+    other = shade(own, rng.uniform(0.35, 0.7)) if own.mean() > 0.35 else 1 - 0.4 * own
     return rgba(mix(colour, other, t))
 
 

@@ -110,10 +110,10 @@ def draw_visuals(rng: np.random.Generator, domain: str, split: str = "seen") -> 
     table = _surface(rng, TABLE_PATTERNS, (0.25, 0.7), split, CLEAN.table)
     wall = _surface(rng, WALL_PATTERNS, (0.8, 1.6), split, CLEAN.wall)
     ground = _surface(rng, ("planks", "tiles", "stone", "plain", "terrazzo"), (0.8, 1.5), split, CLEAN.ground)
-    ambient = _light(rng, 0.22, 0.5, 0.75)
-    sun = _light(rng, 0.25, 0.85, 0.35)
+    ambient = _light(rng, 0.25, 0.5, 0.85)
+    sun = _light(rng, 0.25, 0.8, 0.6)
     direction = (float(rng.uniform(-0.6, 0.6)), float(rng.uniform(0.0, 0.7)), -1.0)
-    points = tuple(PointLight(p.position, _light(rng, 0.1, 0.45, 0.2)) for p in CLEAN.points)
+    points = tuple(PointLight(p.position, _light(rng, 0.1, 0.4, 0.4)) for p in CLEAN.points)
     return Visuals(table, wall, ground, ambient, direction, sun, points)
 
 

@@ -104,7 +104,7 @@ vec3 shade() {
   float up = 2.0 * nv * n.z - v.z;
   vec3 room = sceneBuffer.ambientLight.rgb * (0.55 + 0.65 * clamp(up / (0.5 + a) * 0.5 + 0.5, 0.0, 1.0));
   float grazing = (1.0 - nv) * (1.0 - nv);
-  vec3 reflectance = f0 + (1.0 - a) * (1.0 - a) * 0.4 * grazing * grazing * (1.0 - f0);
+  vec3 reflectance = f0 + (1.0 - a) * (1.0 - a) * 0.2 * grazing * grazing * (1.0 - f0);
   return diffuse * scattered + f0 * mirrored + reflectance * room + materialBuffer.emission.rgb;
 }
 

@@ -19,6 +19,8 @@ layout(set = 1, binding = 1) uniform ObjectDataBuffer {
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 uv;
+layout(location = 3) in vec3 tangent;  // unused, but all shader packs of a process must read the same vertex layout
+layout(location = 4) in vec3 bitangent;
 
 void main() {
   vec4 clipped = vec4(0.0, 0.0, -2.0, 1.0);

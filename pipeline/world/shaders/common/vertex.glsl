@@ -4,6 +4,8 @@
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 uv;
+layout(location = 3) in vec3 tangent;  // unused, but all shader packs of a process must read the same vertex layout
+layout(location = 4) in vec3 bitangent;
 
 layout(location = 0) out vec3 outWorld;
 layout(location = 1) out vec3 outNormal;
