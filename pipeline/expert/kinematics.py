@@ -131,7 +131,7 @@ def ik_many(
     seeds: ArrayLike,
     *,
     tolerance: tuple[float, float] = TOLERANCE,
-    restarts: int = 16,
+    restarts: int = 8,
     iterations: int = 30,
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Joints (N,n) and success (N,) for world poses `targets` (N,7); rows without success are zero.
