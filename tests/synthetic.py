@@ -159,7 +159,11 @@ def make_episode(
             "fps": fps,
             "target": "target",
             "manipulated": "target",
-            "arms": ["left"],
+            "category": "DT",
+            "arms": {"arm": "left"},
+            "T_meet": float(log.times[frames // 2]),
+            "average_speed": SPEED,
+            "maximum_speed": SPEED,
             "objects": {
                 "target": {"family": "bell", "noun": "bell", "description": "red bell", "parameters": {"radius": 0.03}},
                 "other": {"family": "block", "noun": "block", "description": "grey block", "parameters": {"half": 0.02}},

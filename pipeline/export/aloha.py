@@ -14,6 +14,7 @@ needs a 6-joint arm. JPEGs are true RGB; after `cv2.imdecode` apply COLOR_BGR2RG
 
 import json
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +29,14 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
+    Provenance,
     by_embodiment,
-    provenance,
     read_facts,
     reading,
     same,
     size_of,
     staged,
     write_json,
-    write_provenance,
 )
 
 CAMERA_NAMES = {"head_camera": "cam_high", "left_camera": "cam_left_wrist", "right_camera": "cam_right_wrist"}
@@ -64,21 +64,21 @@ def export_aloha(
         groups = by_embodiment(episodes, folder)
         for name, (directory, paths) in groups.items():
             directory.mkdir(parents=True, exist_ok=True)
-            first, rows = None, []
-            for index, path in enumerate(paths):
-                with reading(path) as file:
-                    facts = read_facts(file, dataset)
-                    first = first or facts
-                    same(first, facts)
-                    velocity = joint_velocity(facts)
-                    pictures = {CAMERA_NAMES.get(c, c): _pictures(file, c, compress, size) for c in facts.cameras}
-                _write(directory / f"episode_{index}.hdf5", facts, velocity, pictures, compress)
-                frames += len(facts)
-                fps[name] = facts.fps
-                rows.append(provenance(index, facts))
-                if progress:
-                    progress(1)
-            write_provenance(directory / "episodes.parquet", rows)
+            first, rows = None, Provenance(directory / "episodes.parquet")
+            with closing(rows):
+                for index, path in enumerate(paths):
+                    with reading(path) as file:
+                        facts = read_facts(file, dataset)
+                        first = first or facts
+                        same(first, facts)
+                        velocity = joint_velocity(facts)
+                        pictures = {CAMERA_NAMES.get(c, c): _pictures(file, c, compress, size) for c in facts.cameras}
+                    _write(directory / f"episode_{index}.hdf5", facts, velocity, pictures, compress)
+                    frames += len(facts)
+                    fps[name] = facts.fps
+                    rows.append(facts)
+                    if progress:
+                        progress(1)
         summary = {"format": "aloha", "episodes": sum(len(p) for _, p in groups.values()), "frames": frames, "fps": fps}
         summary |= {"embodiments": sorted(groups), "compress": compress, "size": size and list(size), "bytes": size_of(folder)}
         write_json(folder / SUMMARY, summary)

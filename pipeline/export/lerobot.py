@@ -25,8 +25,8 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
+    Provenance,
     by_embodiment,
-    provenance,
     read_facts,
     reading,
     same,
@@ -34,7 +34,6 @@ from pipeline.export.common import (
     size_of,
     staged,
     write_json,
-    write_provenance,
 )
 from pipeline.export.lerobot_format import (
     FILES_PER_CHUNK,
@@ -91,6 +90,7 @@ def export_lerobot(
     episodes of one embodiment that differ in fps, cameras, picture size or joint names, and for pictures with an odd side.
     """
     codec = codec or Codec()
+    codec.check()
     with staged(out, dataset) as folder:
         parts = {}
         for name, (root, paths) in by_embodiment(episodes, folder).items():
@@ -161,7 +161,7 @@ class Writer:
         self.rows: list[dict[str, Any]] = []
         self.videos: dict[str, tuple[int, VideoFile]] = {}
         self.tasks: dict[str, int] = {}
-        self.provenance: list[dict[str, Any]] = []
+        self.provenance = Provenance(root / "meta" / "domino_episodes.parquet")
         self.colors: dict[str, NDArray[np.int64]] = {}
         self.sampled = self.frames = 0
 
@@ -169,7 +169,7 @@ class Writer:
         """Add an episode. Raises ExportError when it does not fit to the first one."""
         facts, length = episode.facts, len(episode.facts)
         same(self.first, facts)
-        index = len(self.provenance)
+        index = self.provenance.count
         columns = data_columns(facts, index, self.frames, self.tasks.setdefault(facts.instruction, len(self.tasks)))
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
@@ -186,7 +186,7 @@ class Writer:
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats), self.limits[0])
         self.rows.append(row)
-        self.provenance.append(provenance(index, facts))
+        self.provenance.append(facts)
         self.sampled += episode.sampled
         self.frames += length
         if len(self.rows) == ROWS_PER_GROUP:
@@ -218,6 +218,7 @@ class Writer:
         """Finish the files that episodes go to."""
         self._flush()
         self.data.close()
+        self.provenance.close()
         if self.rows_to is not None:
             self.rows_to.close()
         for _, video in self.videos.values():
@@ -230,9 +231,8 @@ class Writer:
         stats |= {key: picture_stats(counts, self.sampled) for key, counts in self.colors.items()}
         write_stats(meta / "stats.json", stats)
         write_tasks(meta / "tasks.parquet", list(self.tasks))
-        counts = len(self.provenance), self.frames, len(self.tasks)
+        counts = self.provenance.count, self.frames, len(self.tasks)
         write_info(meta / "info.json", self.first, self.features, counts, *self.limits)
-        write_provenance(meta / "domino_episodes.parquet", self.provenance)
         write_json(meta / "modality.json", modality(self.first))
         summary = {"episodes": counts[0], "frames": counts[1], "tasks": counts[2], "fps": self.first.fps}
         described = {"embodiment": self.first.spec.embodiment, "code_version": self.first.meta.get("code_version")}

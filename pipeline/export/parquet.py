@@ -11,6 +11,7 @@ A picture is a struct {bytes, path}, as Hugging Face datasets stores images: `lo
 
 import json
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +25,16 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
+    Provenance,
     camera_label,
     event_frames,
     ordered,
-    provenance,
     read_facts,
     reading,
     same,
     size_of,
     staged,
     write_json,
-    write_provenance,
 )
 
 FILE_BYTES = 200 * 1024 * 1024
@@ -115,40 +115,46 @@ def export_parquet(
         reference = next(iter(firsts.values()))
         schema = _schema(reference.fps, reference.cameras, {name: list(f.log.vector_names) for name, f in firsts.items()})
         images = [image_column(c) for c in reference.cameras]
-        writer: pq.ParquetWriter | None = None
-        files, frames, rows = 0, 0, []
-        try:
+        frames, files, rows = 0, _Files(folder, schema, images, file_bytes), Provenance(folder / "episodes.parquet")
+        with closing(rows), closing(files):
             for index, path in enumerate(paths):
                 with reading(path) as file:
                     facts = read_facts(file, dataset)
                     same(firsts[facts.spec.embodiment], facts)
                     table = _table(index, facts, file, schema)
-                if writer is None:
-                    writer = _writer(folder / f"data-{files:05d}.parquet", schema, images)
-                    files += 1
-                writer.write_table(table, row_group_size=len(table))
+                files.write(table)
                 frames += len(table)
-                rows.append(provenance(index, facts))
-                if (folder / f"data-{files - 1:05d}.parquet").stat().st_size >= file_bytes:
-                    writer.close()
-                    writer = None
+                rows.append(facts)
                 if progress:
                     progress(1)
-        finally:
-            if writer is not None:
-                writer.close()
-        write_provenance(folder / "episodes.parquet", rows)
-        summary = {"format": "parquet", "episodes": len(paths), "frames": frames, "files": files, "fps": reference.fps}
+        summary = {"format": "parquet", "episodes": len(paths), "frames": frames, "files": files.count, "fps": reference.fps}
         summary |= {"embodiments": sorted(firsts), "bytes": size_of(folder)}
         write_json(folder / SUMMARY, summary)
     return summary
 
 
-def _writer(path: Path, schema: pa.Schema, images: list[str]) -> pq.ParquetWriter:
-    # JPEG bytes neither compress nor repeat
-    codecs = {name: "ZSTD" for name in schema.names if name not in images} | {f"{name}.bytes": "NONE" for name in images}
-    options: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
-    return pq.ParquetWriter(path, schema, **options)
+class _Files:
+    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `limit` bytes."""
+
+    def __init__(self, folder: Path, schema: pa.Schema, images: list[str], limit: int) -> None:
+        self.folder, self.schema, self.limit, self.count = folder, schema, limit, 0
+        # JPEG bytes neither compress nor repeat
+        codecs = {name: "ZSTD" for name in schema.names if name not in images} | {f"{name}.bytes": "NONE" for name in images}
+        self.options: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
+        self._writer: pq.ParquetWriter | None = None
+
+    def write(self, table: pa.Table) -> None:
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self.folder / f"data-{self.count:05d}.parquet", self.schema, **self.options)
+            self.count += 1
+        self._writer.write_table(table, row_group_size=len(table))
+        if (self.folder / f"data-{self.count - 1:05d}.parquet").stat().st_size >= self.limit:
+            self.close()
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
 
 
 def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from pipeline.export.common import ExportError
 
+CODECS = ("libsvtav1", "h264", "hevc")
+
 
 @dataclass(frozen=True)
 class Codec:
@@ -42,6 +44,11 @@ class Codec:
         threads = svt if self.name == "libsvtav1" else {"threads": "1"}
         return {"g": str(self.gop), "crf": str(self.crf), "preset": preset, **threads}
 
+    def check(self) -> None:
+        """Raise ExportError for an encoder that is unknown here."""
+        if self.name not in CODECS or self.name not in pyav().codecs_available:
+            raise ExportError(f"video codec {self.name!r} is not available: use {', '.join(CODECS)}")
+
 
 def pyav() -> Any:
     """The PyAV module. Raises ExportError, saying what to install, without it."""
@@ -53,18 +60,24 @@ def pyav() -> Any:
 
 
 def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes:
-    """RGB frames (H,W,3) uint8, H and W even -> a complete mp4 with one picture per frame, presented at k / fps seconds."""
+    """RGB frames (H,W,3) uint8, H and W even -> a complete mp4 with one picture per frame, presented at k / fps seconds.
+
+    Raises ExportError when the encoder refuses.
+    """
     os.environ.setdefault("SVT_LOG", "1")  # errors only
     av = pyav()
     buffer = io.BytesIO()
-    with av.open(buffer, "w", format="mp4") as container:
-        stream: Any = None
-        for rgb in frames:
-            if stream is None:
-                stream = container.add_stream(codec.name, fps, options=codec.options())
-                stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], codec.pix_fmt, 1
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
-        container.mux(stream.encode())
+    try:
+        with av.open(buffer, "w", format="mp4") as container:
+            stream: Any = None
+            for rgb in frames:
+                if stream is None:
+                    stream = container.add_stream(codec.name, fps, options=codec.options())
+                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], codec.pix_fmt, 1
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+            container.mux(stream.encode())
+    except av.FFmpegError as error:
+        raise ExportError(f"{codec.name} cannot encode with {codec.options()}: {error}") from error
     return buffer.getvalue()
 
 

@@ -201,6 +201,25 @@ def test_a_bad_episode_stops_the_export(dataset, format):
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_a_full_disk_gives_one_line_and_leaves_nothing(dataset, format, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(f"pipeline.export.{format}.write_json", full)
+    with pytest.raises(ExportError, match="cannot be written .*No space left"):
+        EXPORTERS[format](dataset, dataset / "exports" / format, episodes_of(dataset))
+    assert list((dataset / "exports").iterdir()) == []
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_an_episode_of_one_frame(tmp_path, format):
+    path = make_episode(episode_path(tmp_path), frames=1)
+    out = tmp_path / "exports" / format
+    assert EXPORTERS[format](tmp_path, out, [path])["frames"] == 1
+    assert check_exports(tmp_path, out, format, [path]) == []
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
 def test_episodes_that_do_not_fit_together_are_refused(dataset, format):
     make_episode(episode_path(dataset, slot=2), slot=2, frames=3, fps=30)
     if format == "parquet":

@@ -66,8 +66,13 @@ def test_provenance_and_modality(tmp_path, episodes):
     export_lerobot(tmp_path, out, episodes)
     rows = pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     assert [r["domino.slot"] for r in rows] == [0, 1, 2]
-    assert rows[1]["domino.T_meet"] == pytest.approx(2 / 15) and rows[1]["domino.level"] == 1 and rows[1]["domino.alpha"] == 0.1
+    assert (
+        rows[1]["domino.T_meet"] == rows[1]["domino.t_meeting"] == pytest.approx(2 / 15)
+        and rows[1]["domino.level"] == 1
+        and rows[1]["domino.alpha"] == 0.1
+    )
     assert rows[2]["domino.source"].endswith("click_bell/aloha-agilex/L1/clean/episode_0000002.hdf5")
+    assert rows[0]["domino.t_release"] == pytest.approx(2.4 / 15) and rows[0]["domino.arms"] == "left"
     told = pq.read_table(out / "meta/domino_episodes.parquet").to_pylist()
     assert len(told[0]["instructions_seen"]) == 3 and told[0]["instruction"] == rows[0]["tasks"][0]
     modality = json.loads((out / "meta/modality.json").read_text())
@@ -114,6 +119,19 @@ def test_odd_pictures_are_refused(tmp_path, monkeypatch):
     path = make_episode(episode_path(tmp_path), frames=2, camera_type="odd")
     with pytest.raises(ExportError, match="must be even"):
         export_lerobot(tmp_path, tmp_path / "out", [path])
+
+
+def test_an_unknown_codec_is_named_before_anything_is_read(tmp_path, episodes):
+    with pytest.raises(ExportError, match="'gif' is not available: use libsvtav1, h264, hevc"):
+        export_lerobot(tmp_path, tmp_path / "out", episodes, codec=Codec("gif"))
+    with pytest.raises(ExportError, match="h264 cannot encode"):
+        export_lerobot(tmp_path, tmp_path / "out", episodes, codec=Codec("h264", preset="nonsense"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_h264(tmp_path, episodes):
+    export_lerobot(tmp_path, tmp_path / "out", episodes, codec=Codec("h264", crf=20, gop=2))
+    assert check_exports(tmp_path, tmp_path / "out", "lerobot", episodes) == []
 
 
 def replace_video(out, episodes, change):

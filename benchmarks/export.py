@@ -1,0 +1,186 @@
+"""Seconds an episode costs in each export format, against bare encoding of the same frames, and what the video codec costs.
+
+    python -m benchmarks.export [--episodes 6] [--frames 200] [--episode FILE ...]
+
+Without --episode it exports drawn episodes: three cameras of 320x240, a textured room, an arm and a target in motion.
+"""
+
+import argparse
+import io
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.episode import Episode, View, open_episode, write_episode
+from pipeline.export import CHECKS, EXPORTERS
+from pipeline.export.video import Codec, encode, frames_of
+from pipeline.poses import pose
+from pipeline.spec import EpisodeSpec
+from pipeline.world.cameras import CAMERA_TYPES, Camera
+from pipeline.world.state_log import CONTACT_DTYPE, Event, StateLog
+
+FPS = 15
+NAMES = tuple(f"{side}_{n}" for side in ("left", "right") for n in (*(f"joint{i}" for i in range(1, 7)), "gripper"))
+CODECS = {
+    "AV1 all-intra crf 32 (ours)": Codec(),
+    "AV1 g=2 crf 30 (LeRobot's)": Codec(crf=30, gop=2),
+    "H.264 g=2 crf 23": Codec("h264", 23, 2),
+    "H.264 all-intra crf 23": Codec("h264", 23, 1),
+}
+
+
+def drawn_frames(count: int, seed: int) -> list[NDArray[np.uint8]]:
+    """Pictures (240,320,3) of a lit, textured table with a target that slides 1.6 pixels a frame and an arm that swings."""
+    rng = np.random.default_rng(seed)
+    noise = [cv2.GaussianBlur(rng.normal(size=(240, 320, 3)).astype(np.float32), (0, 0), s) for s in (2.0, 1.5)]
+    rows, columns = np.mgrid[:240, :320]
+    table = np.stack([150 + rows / 8, 140 + columns / 16, 120 + rows / 10], -1) + 6 * noise[0] / noise[0].std()
+    target = (12 * noise[1] / noise[1].std() + (200, 60, 50))[:60, :60].astype(np.float32)
+    out = []
+    for t in range(count):
+        swing = 40 * np.sin(t / 30)
+        shift = np.array([[1, 0, 100 + 1.6 * (t % 60)], [0, 1, 100 + 0.4 * (t % 60)]], np.float32)
+        placed = cv2.warpAffine(target, shift, (320, 240))
+        mask = cv2.warpAffine(np.ones((60, 60), np.float32), shift, (320, 240))[..., None]
+        picture = np.ascontiguousarray(np.clip(table * (1 - mask) + placed * mask, 0, 255).astype(np.uint8))
+        cv2.line(picture, (300, 0), (round(220 - swing), round(90 + swing / 2)), (40, 40, 45), 14, cv2.LINE_AA)
+        out.append(picture)
+    return out
+
+
+def drawn_episode(path: Path, frames: int, slot: int) -> Path:
+    """An episode file of drawn pictures."""
+    times = np.arange(frames) / FPS
+    wave = np.sin(times[:, None] + np.arange(14))
+    moving = np.repeat(pose((0, 0, 0.74))[None], frames, 0)
+    moving[:, 0] += 0.1 * times
+    log = StateLog(
+        times=times,
+        bodies=("target", "left_hand", "right_hand", "table"),
+        poses=np.repeat(moving[:, None], 4, 1),
+        joints=NAMES,
+        qpos=wave,
+        qvel=wave,
+        vector_names=NAMES,
+        state=wave,
+        action=wave,
+        tcp=np.repeat(moving[:, None], 2, 1),
+        target_velocity=np.repeat([[0.1, 0, 0]], frames, 0),
+        contacts=np.zeros(0, CONTACT_DTYPE),
+        events=[Event("meeting", float(times[frames // 2]))],
+    )
+    cameras = [Camera(n, CAMERA_TYPES["D435"], None, pose()) for n in ("head_camera", "left_camera", "right_camera")]
+    views = [View(c, moving, np.stack(drawn_frames(frames, 3 * slot + i))) for i, c in enumerate(cameras)]
+    meta = {"fps": FPS, "target": "target", "manipulated": "target", "arms": {"arm": "left"}, "objects": {"target": {}}}
+    texts = {"seen": [f"instruction {i}" for i in range(20)], "unseen": []}
+    spec = EpisodeSpec("benchmark", "aloha-agilex", 1, 0.1, "clean", slot, 0)
+    write_episode(path, Episode(spec, log, "{}", texts, meta), views)
+    return path
+
+
+def seconds(call: Callable[[], object]) -> tuple[float, float]:
+    """Wall and CPU seconds of a call."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    call()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def read_pictures(paths: list[Path]) -> list[list[NDArray[np.uint8]]]:
+    """Decoded frames, one list per episode and camera."""
+    out = []
+    for path in paths:
+        with open_episode(path) as e:
+            out += [list(e.frames(camera)) for camera in e.cameras]
+    return out
+
+
+def formats(paths: list[Path], root: Path) -> list[tuple[str, float, float, float]]:
+    """(name, wall s, CPU s, megabytes) for each format, its check and its floor; totals over all episodes."""
+    pictures = read_pictures(paths)
+    jpegs = []
+    for path in paths:
+        with open_episode(path) as e:
+            jpegs += [e.array(f"observation/{camera}/rgb").tobytes() for camera in e.cameras]
+    floors: dict[str, Callable[[], object]] = {
+        "lerobot": lambda: [encode(frames, FPS, Codec()) for frames in pictures],
+        "aloha": lambda: [(root / "floor").write_bytes(np.stack(frames).tobytes()) for frames in pictures],
+        "parquet": lambda: [(root / "floor").write_bytes(data) for data in jpegs],
+    }
+    said = {"lerobot": "encode alone", "aloha": "write raw pictures", "parquet": "write JPEG bytes"}
+    rows = []
+    for name, export in EXPORTERS.items():
+        out = root / "exports" / name
+        export(root, out, paths[:1])  # imports and encoder start-up are no cost of an episode
+        rows.append((f"{name}", *seconds(lambda: export(root, out, paths)), _megabytes(out)))  # noqa: B023
+        rows.append((f"{name}: floor, {said[name]}", *seconds(floors[name]), 0.0))
+        rows.append((f"{name}: check", *seconds(lambda: CHECKS[name](root, out, paths)), 0.0))  # noqa: B023
+    return rows
+
+
+def _megabytes(folder: Path) -> float:
+    return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
+
+
+def codecs(frames: list[NDArray[np.uint8]]) -> list[tuple[str, float, float, float, float]]:
+    """(codec, CPU ms a frame, kB a frame, error where pictures change in even frames, in odd ones); errors of 0-255.
+
+    Pixels count that differ by more than 32 from the frame before.
+    """
+    rows = []
+    for name, codec in CODECS.items():
+        _, cpu = seconds(lambda: encode(frames, FPS, codec))  # noqa: B023
+        data = encode(frames, FPS, codec)
+        errors: tuple[list[float], list[float]] = ([], [])
+        for t, (_, picture) in enumerate(frames_of(io.BytesIO(data))):
+            changed = cv2.absdiff(frames[t], frames[max(t - 1, 0)]).max(-1) > 32
+            if changed.any():
+                errors[t % 2].append(float(cv2.absdiff(picture, frames[t])[changed].mean()))
+        even, odd = (float(np.mean(e)) if e else 0.0 for e in errors)
+        rows.append((name, 1e3 * cpu / len(frames), len(data) / len(frames) / 1e3, even, odd))
+    return rows
+
+
+def processor() -> str:
+    """Name of the processor."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--episodes", type=int, default=6)
+    parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--episode", type=Path, nargs="*", help="episode files to export instead of drawn ones")
+    args = parser.parse_args()
+    load = os.getloadavg()[0]
+    print(f"{processor()}, {os.cpu_count()} cores, one process, load {load:.1f} at the start; Python {platform.python_version()}\n")
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        where = root / "episodes" / "benchmark"
+        paths = args.episode or [drawn_episode(where / f"episode_{i:07d}.hdf5", args.frames, i) for i in range(args.episodes)]
+        with open_episode(paths[0]) as e:
+            print(
+                f"{len(paths)} episodes; the first has {len(e)} frames of {len(e.cameras)} cameras, {e.rgb(e.cameras[0], 0).shape}"
+            )
+            head = list(e.frames(e.cameras[0]))
+        print(f"{'format':34} {'s/episode':>10} {'CPU s/episode':>14} {'episodes/h':>11} {'MB/episode':>11}")
+        for name, wall, cpu, size in formats(paths, root):
+            n = len(paths)
+            written = f"{size / n:11.2f}" if size else ""
+            print(f"{name:34} {wall / n:10.3f} {cpu / n:14.3f} {3600 * n / wall:11.0f} {written}")
+        print(f"\n{'codec, head camera':34} {'CPU ms/frame':>12} {'kB/frame':>9} {'error even':>11} {'error odd':>10}")
+        for name, cpu, size, even, odd in codecs(head):
+            print(f"{name:34} {cpu:12.2f} {size:9.2f} {even:11.1f} {odd:10.1f}")
+
+
+if __name__ == "__main__":
+    main()
