@@ -10,7 +10,7 @@ from manifold3d import triangulate
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
-from pipeline.poses import pose
+from pipeline.poses import pose, quat_about
 from pipeline.world.objects.surface import box_uv, finish
 from pipeline.world.shapes import Mesh
 
@@ -18,6 +18,14 @@ from pipeline.world.shapes import Mesh
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
     """The mesh turned by `quaternion` (wxyz), then moved to `position` (m)."""
     return mesh.moved(pose(position, quaternion))
+
+
+def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
+    """The mesh stretched along the axes by positive factors; normals go with the inverse factors."""
+    factors = np.array([x, y, z], np.float32)
+    normals = mesh.normals / factors
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(mesh.vertices * factors, mesh.triangles, normals, mesh.uvs)
 
 
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
@@ -221,3 +229,20 @@ def ellipse(a: float, b: float, n: int = 24) -> NDArray[np.float64]:
     """Counter-clockwise outline (n,2) of an ellipse with half axes a and b."""
     angle = 2 * np.pi * np.arange(n) / n
     return np.column_stack([a * np.cos(angle), b * np.sin(angle)])
+
+
+def side_prism(outline: ArrayLike, half: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
+    """Prism over an outline (K,2) of (x, z), counter-clockwise seen from -y, between y = -`half` and y = `half`."""
+    return at(extrude(outline, 2 * half, bevel, crease), (0, half, 0), quat_about((1, 0, 0), np.pi / 2))
+
+
+def stacked(outline: ArrayLike, levels: ArrayLike) -> NDArray[np.float64]:
+    """Rings (L,K,3): the outline (K,2) at each level (z, scale x, scale y)."""
+    outline, levels = np.asarray(outline, float), np.asarray(levels, float)
+    rings = outline[None] * levels[:, None, 1:]
+    return np.concatenate([rings, np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))], axis=-1)
+
+
+def stack(outline: ArrayLike, levels: ArrayLike, crease: float = 50.0) -> Mesh:
+    """Closed body through scaled copies of `outline` (K,2) at levels (L,3) of (z, scale x, scale y), from the bottom up."""
+    return loft(stacked(outline, levels), crease=crease)

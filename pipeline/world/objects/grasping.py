@@ -28,6 +28,11 @@ def pinch(position: ArrayLike, approach: ArrayLike, opening: ArrayLike, width: f
     return Grasp(frame(position, approach, opening), float(width), kind)
 
 
+def _low_enough(height: float, pitch: float, top: float) -> bool:
+    """Whether the shortest fingers, leaning by `pitch` (rad), still reach 2 mm below `top`."""
+    return height - 0.010 * np.sin(pitch) <= top - 0.002
+
+
 def low_heights(top: float) -> tuple[float, ...]:
     """Tcp heights (m) above the table for a thing of height `top` that is taken from above.
 
@@ -138,6 +143,8 @@ def box_pinches(
             for height in low_heights(2 * hz) if heights is None else heights:
                 for pitch in pitches:
                     p = np.radians(pitch)
+                    if not _low_enough(height, p, 2 * hz):
+                        continue
                     for side in (1, -1) if pitch < 90 else (1,):
                         centre_line = -side * shift  # the box's middle lies here as seen from the palm's side
 
@@ -175,7 +182,11 @@ def bar_pinches(
                 for t in np.radians(rolls):
                     down, across = np.array([0, np.sin(t), -np.cos(t)]), np.array([0, np.cos(t), np.sin(t)])
                     approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
-                    found += [pinch(np.array([x, 0, height]) - lift * down, approach, across, 2 * radius, kind) for lift in lifts]
+                    found += [
+                        pinch(np.array([x, 0, height]) - lift * down, approach, across, 2 * radius, kind)
+                        for lift in lifts
+                        if _low_enough(lift, p, 0.6 * radius)
+                    ]
     return tuple(found)
 
 

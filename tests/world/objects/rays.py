@@ -1,37 +1,55 @@
 """Where a straight line runs inside collision pieces: an independent check of grasps."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from pipeline.poses import inverse, quat_rotate, transform
+from pipeline.poses import inverse, matrix
 from pipeline.world.shapes import Collider
 
 Interval = tuple[float, float]
+Line = Callable[[np.ndarray, np.ndarray], Interval | None]
 
 
-def inside(piece: Collider, origin: np.ndarray, direction: np.ndarray) -> Interval | None:
-    """The range of t for which origin + t * direction (unit) lies inside the piece."""
-    local = inverse(piece.pose)
-    o, d = transform(local, origin), quat_rotate(local[3:], direction)
+def prepare(pieces: Sequence[Collider]) -> list[Line]:
+    """For each piece a function of (origin, unit direction): the range of t for which origin + t * direction lies inside it."""
+    return [_line(c) for c in pieces]
+
+
+def _line(piece: Collider) -> Line:
+    to_local = matrix(inverse(piece.pose))
+    turn, shift = to_local[:3, :3], to_local[:3, 3]
     if piece.kind == "box":
-        return _slabs(np.vstack([np.eye(3), -np.eye(3)]), np.tile(piece.size, 2), o, d)
-    if piece.kind == "convex":
-        hull = ConvexHull(piece.vertices)
-        return _slabs(hull.equations[:, :3], -hull.equations[:, 3], o, d)
+        normals, offsets = np.vstack([np.eye(3), -np.eye(3)]), np.tile(piece.size, 2)
+    elif piece.kind == "convex":
+        hull = ConvexHull(piece.vertices).equations
+        normals, offsets = hull[:, :3], -hull[:, 3]
+    else:
+        normals, offsets = np.array([[0, 0, 1.0], [0, 0, -1]]), np.full(2, piece.size[-1])
+    flat = piece.kind in ("box", "convex")
+
+    def inside(origin: np.ndarray, direction: np.ndarray) -> Interval | None:
+        o, d = turn @ origin + shift, turn @ direction
+        return _slabs(normals, offsets, o, d) if flat else _round(piece, normals, offsets, o, d)
+
+    return inside
+
+
+def _round(piece: Collider, normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray) -> Interval | None:
+    r = piece.size[0]
     if piece.kind == "sphere":
-        return _roots(d @ d, o @ d, o @ o - piece.size[0] ** 2)
-    r, h = piece.size
+        return _roots(d @ d, o @ d, o @ o - r**2)
     across = np.array([1.0, 1, 0])
-    tube = _roots((d * across) @ d, (o * across) @ d, (o * across) @ o - r**2)
-    caps = _slabs(np.array([[0, 0, 1.0], [0, 0, -1]]), np.array([h, h]), o, d)
-    found = [_meet(tube, caps)]
+    found = [_meet(_roots((d * across) @ d, (o * across) @ d, (o * across) @ o - r**2), _slabs(normals, offsets, o, d))]
     if piece.kind == "capsule":
-        found += [_roots(d @ d, (o - c) @ d, (o - c) @ (o - c) - r**2) for c in (np.array([0, 0, -h]), np.array([0, 0, h]))]
+        for c in (np.array([0, 0, -piece.size[1]]), np.array([0, 0, piece.size[1]])):
+            found.append(_roots(d @ d, (o - c) @ d, (o - c) @ (o - c) - r**2))
     real = [f for f in found if f]
     return (min(f[0] for f in real), max(f[1] for f in real)) if real else None
 
 
-def merged(intervals: list[Interval], gap: float = 5e-4) -> list[Interval]:
+def merged(intervals: Sequence[Interval], gap: float = 5e-4) -> list[Interval]:
     """Sorted union of intervals; ones closer than `gap` are one."""
     out: list[Interval] = []
     for lower, upper in sorted(intervals):
@@ -43,17 +61,14 @@ def merged(intervals: list[Interval], gap: float = 5e-4) -> list[Interval]:
 
 
 def _slabs(normals: np.ndarray, offsets: np.ndarray, o: np.ndarray, d: np.ndarray) -> Interval | None:
-    lower, upper = -np.inf, np.inf
-    for n, c in zip(normals, offsets, strict=True):
-        speed, room = n @ d, c - n @ o
-        if abs(speed) < 1e-12:
-            if room < 0:
-                return None
-        elif speed > 0:
-            upper = min(upper, room / speed)
-        else:
-            lower = max(lower, room / speed)
-    return (lower, upper) if lower < upper else None
+    speed, room = normals @ d, offsets - normals @ o
+    level = np.abs(speed) < 1e-12
+    if np.any(room[level] < 0):
+        return None
+    t = room / np.where(level, 1.0, speed)
+    lower = np.max(t[~level & (speed < 0)], initial=-np.inf)
+    upper = np.min(t[~level & (speed > 0)], initial=np.inf)
+    return (float(lower), float(upper)) if lower < upper else None
 
 
 def _roots(a: float, half_b: float, c: float) -> Interval | None:

@@ -1,0 +1,106 @@
+"""A carrying basket: a hollow box of wicker with an arched handle over its middle, along x."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import fabric
+from pipeline.world.objects.colliders import arc_of_capsules, box_collider, walls_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
+from pipeline.world.objects.grasping import bar_pinches
+from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
+from pipeline.world.shapes import Mesh, Shape
+
+LENGTH = (0.085, 0.105)  # half extent along x
+WALL = 0.006
+TONES = ("tan", "brown", "beige", "gold", "rust", "white", "gray", "charcoal", "red", "teal", "navy", "mint", "pink")
+
+
+def open_box(hx: float, hy: float, height: float, wall: float, corner: float, sides: int = 4) -> Mesh:
+    """A hollow open box of outer half extents with round vertical corners, its floor `wall` thick."""
+    outline = rounded_rectangle(hx, hy, corner, sides)
+    sx, sy = (hx - wall) / hx, (hy - wall) / hy
+    levels = [(0, 1, 1), (height, 1, 1), (height, sx, sy), (wall, sx, sy)]
+    return loft(stacked(outline, levels), crease=40)
+
+
+@register("basket")
+@dataclass(frozen=True)
+class Basket(Family):
+    hx: float
+    hy: float
+    height: float
+    arch: float  # height of the handle's top
+    grip: float  # radius of the handle
+    colour: str
+    handle_colour: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, TONES)
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.062, 0.078),
+            rng.uniform(0.06, 0.085),
+            rng.uniform(0.165, 0.2),
+            rng.uniform(0.006, 0.008),
+            colour,
+            other(rng, TONES, colour),
+            seed(rng),
+        )
+
+    def arch_path(self) -> np.ndarray:
+        """Axis of the handle (N,3), in the x-z plane."""
+        angle = np.radians(np.linspace(180, 0, 11))
+        low, top = 0.75 * self.height, self.arch - self.grip
+        x = (self.hx - 0.5 * WALL) * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.75
+        return np.column_stack([x, np.zeros(11), low + (top - low) * np.sin(angle) ** 0.6])
+
+    def shape(self) -> Shape:
+        path = self.arch_path()
+        body = open_box(self.hx, self.hy, self.height, WALL, 0.02)
+        rim = np.column_stack([rounded_rectangle(self.hx - 0.002, self.hy - 0.002, 0.02, 4), np.full(20, self.height)])
+        weave = fabric(self.colour, self.seed)
+        return Shape(
+            visual=(
+                (body, weave),
+                (sweep(rim, 0.0045, 6, closed=True), fabric(self.handle_colour)),
+                (sweep(path, self.grip, 8), fabric(self.handle_colour)),
+            ),
+            collision=(
+                *box_collider(self.hx, self.hy, WALL / 2, (0, 0, WALL / 2)),
+                *walls_of_boxes(self.hx, self.hy, WALL, self.height),
+                *(replace(c, weight=0.3) for c in arc_of_capsules(path, self.grip)),
+            ),
+            mass=0.3 * (self.hx * self.hy) / (0.095 * 0.07),
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        floor = mark(0, 0, WALL)
+        return Frames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(0, 0, self.arch),
+                "handle": mark(0, 0, self.arch - self.grip),
+                "inside": floor,
+                "centre": floor,
+                "rim": mark(0, 0, self.height),
+            },
+            bar_pinches(
+                [-0.012, 0.0, 0.012], self.grip, self.arch - self.grip, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle"
+            ),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "basket",
+            self.colour,
+            size=size_word(self.hx, LENGTH),
+            material="woven",
+            traits=(f"with a {self.handle_colour} handle",),
+            unseen=("{colour} hand basket", "{colour} wicker carrier", f"carrying basket with a {self.handle_colour} handle"),
+        )

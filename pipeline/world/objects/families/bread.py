@@ -1,0 +1,124 @@
+"""Bread in four forms: a bun, a tin loaf, a short baguette, a square roll."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import cardboard
+from pipeline.world.objects.colliders import convex_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, ellipse, rounded_rectangle, scaled, sphere, stack, stacked
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import describe, mark, pick, seed, size_word
+from pipeline.world.shapes import Material, Mesh, Shape
+
+FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}  # length over width
+CRUSTS: dict[str, tuple[float, float, float]] = {
+    "golden": (0.80, 0.55, 0.24),
+    "brown": (0.58, 0.34, 0.15),
+    "dark": (0.36, 0.20, 0.10),
+    "pale": (0.90, 0.75, 0.50),
+}
+WIDTH = (0.048, 0.064)
+
+
+@register("bread")
+@dataclass(frozen=True)
+class Bread(Family):
+    form: str
+    width: float
+    length: float
+    height: float
+    crust: str
+    shade: float
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        form = pick(rng, tuple(FORMS))
+        width = rng.uniform(*WIDTH) * (0.86 if form == "baguette" else 1.0)
+        return cls(
+            form,
+            width,
+            width * rng.uniform(*FORMS[form]),
+            rng.uniform(0.036, 0.046),
+            pick(rng, tuple(CRUSTS)),
+            rng.uniform(0.9, 1.1),
+            seed(rng),
+        )
+
+    def rings(self) -> np.ndarray:
+        """Horizontal rings (L,K,3) of the body, from the base up."""
+        a, b, h = self.length / 2, self.width / 2, self.height
+        if self.form == "loaf":
+            outline = rounded_rectangle(a, b, 0.012, 4)
+            levels = [
+                (0, 0.93, 0.9),
+                (0.08, 1, 0.98),
+                (0.5, 1, 1),
+                (0.62, 1.0, 1.0),
+                (0.82, 0.95, 0.9),
+                (0.95, 0.82, 0.62),
+                (1, 0.6, 0.3),
+            ]
+        else:
+            outline = ellipse(a, b, 20) if self.form != "roll" else rounded_rectangle(a, b, 0.6 * b, 4)
+            levels = [
+                (0, 0.82, 0.78),
+                (0.08, 0.94, 0.93),
+                (0.3, 1, 1),
+                (0.5, 1, 1),
+                (0.72, 0.9, 0.88),
+                (0.9, 0.66, 0.6),
+                (1, 0.3, 0.26),
+            ]
+        return stacked(outline, [(z * h, x, y) for z, x, y in levels])
+
+    def shape(self) -> Shape:
+        rings = self.rings()
+        crust = _times(CRUSTS[self.crust], self.shade)
+        light = _times(crust, 1.5)
+        body = stack(rings[0, :, :2], [(r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(rings[0, :, :2], axis=0))) for r in rings], 60)
+        marks = [(mesh, Material(light, 0.95)) for mesh in (self._seeds() if self.form == "bun" else self._slashes())]
+        return Shape(
+            visual=((body, cardboard(crust, self.seed)), *marks),
+            collision=convex_collider(rings.reshape(-1, 3)),
+            mass=260 * np.pi * self.length * self.width * self.height * 0.22,
+            friction=0.7,
+        )
+
+    def _slashes(self) -> list[Mesh]:
+        count = {"baguette": 5, "loaf": 1, "roll": 2}[self.form]
+        size = (0.28 * self.length, 0.006, 0.0035) if self.form == "loaf" else (0.0045, 0.3 * self.width, 0.0035)
+        cut = scaled(sphere(1.0, 4, 10), *size)
+        turn = quat_about((0, 0, 1), 0.5 if self.form == "baguette" else 0.0)
+        places = [(k - (count - 1) / 2) * 0.72 * self.length / count for k in range(count)]
+        sag = 0.0 if self.form == "loaf" else 0.35
+        return [at(cut, (x, 0, self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025), turn) for x in places]
+
+    def _seeds(self) -> list[Mesh]:
+        rng = np.random.Generator(np.random.Philox(self.seed))
+        seedlet = sphere(0.0016, 3, 5)
+        angle, share = rng.uniform(0, 2 * np.pi, 14), 0.62 * np.sqrt(rng.uniform(size=14))
+        x, y = share * self.length / 2 * np.cos(angle), share * self.width / 2 * np.sin(angle)
+        z = self.height * (1 - 0.28 * (share / 0.62) ** 2)
+        return [at(seedlet, p) for p in zip(x, y, z, strict=True)]
+
+    def frames(self) -> Frames:
+        a, b = self.length / 2, self.width / 2
+        offsets = (0.0,) if self.form in ("bun", "roll") else (-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,)
+        grasps = box_pinches(a, b, self.height / 2, heights=(max(0.4 * self.height, 0.014), 0.022), offsets=offsets, axes="y")
+        return Frames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
+
+    def words(self) -> Words:
+        noun = {"bun": "bun", "loaf": "loaf of bread", "baguette": "baguette", "roll": "bread roll"}[self.form]
+        words = describe("bread", self.crust, size=size_word(self.width, WIDTH), traits=(f"shaped like a {noun}",))
+        seen = (*words.seen[:5], noun, f"{self.crust} {noun}")
+        return Words("bread", tuple(dict.fromkeys(seen)), (f"baked {noun}", f"{self.crust} crusted bread", "piece of bakery"))
+
+
+def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    r, g, b = colour
+    return min(1.0, factor * r), min(1.0, factor * g), min(1.0, factor * b)

@@ -1,0 +1,84 @@
+"""A shallow bread basket, hollow, without handle."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import fabric
+from pipeline.world.objects.colliders import box_collider, walls_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.families.basket import TONES, open_box
+from pipeline.world.objects.geometry import at, box, rounded_rectangle, sweep
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+LENGTH = (0.085, 0.115)
+WALL = 0.006
+
+
+@register("bread_basket")
+@dataclass(frozen=True)
+class BreadBasket(Family):
+    hx: float
+    hy: float
+    height: float
+    corner: float
+    colour: str
+    cloth: str  # colour of the cloth inside
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, TONES)
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.062, 0.08),
+            rng.uniform(0.034, 0.05),
+            rng.uniform(0.012, 0.035),
+            colour,
+            other(rng, TONES, colour),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        body = open_box(self.hx, self.hy, self.height, WALL, self.corner)
+        rim = np.column_stack(
+            [rounded_rectangle(self.hx - 0.003, self.hy - 0.003, self.corner, 4), np.full(20, self.height - 0.002)]
+        )
+        cloth = at(box(0.94 * (self.hx - WALL), 0.94 * (self.hy - WALL), 0.0008), (0, 0, WALL + 0.0008))
+        return Shape(
+            visual=(
+                (body, fabric(self.colour, self.seed)),
+                (sweep(rim, 0.004, 6, closed=True), fabric(self.colour)),
+                (cloth, fabric(self.cloth, self.seed + 1)),
+            ),
+            collision=(
+                *box_collider(self.hx, self.hy, WALL / 2, (0, 0, WALL / 2)),
+                *walls_of_boxes(self.hx, self.hy, WALL, self.height),
+            ),
+            mass=0.22 * self.hx * self.hy / 0.007,
+            friction=0.7,
+        )
+
+    def frames(self) -> Frames:
+        floor = mark(0, 0, WALL)
+        rim = [
+            g
+            for sign in (1, -1)
+            for g in box_pinches(
+                0.5 * self.hx, WALL / 2, self.height / 2, (0, sign * (self.hy - WALL / 2), self.height / 2), axes="y", kind="rim"
+            )
+        ]
+        return Frames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}, tuple(rim))
+
+    def words(self) -> Words:
+        return describe(
+            "bread basket",
+            self.colour,
+            size=size_word(self.hx, LENGTH),
+            material="woven",
+            traits=(f"with a {self.cloth} cloth",),
+            unseen=("{colour} wicker tray", "shallow {colour} basket", f"{{colour}} bakery basket lined in {self.cloth}"),
+        )

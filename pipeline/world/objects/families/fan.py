@@ -1,0 +1,103 @@
+"""A small desk fan, facing -y."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import plastic
+from pipeline.world.objects.colliders import ALONG_Y, cylinder_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, revolve, sweep
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.surface import join
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.13, 0.165)
+
+
+@register("fan")
+@dataclass(frozen=True)
+class Fan(Family):
+    height: float
+    radius: float  # of the cage
+    half: float  # half thickness of the cage
+    foot: float
+    blades: int
+    colour: str
+    blade_colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(*HEIGHT),
+            rng.uniform(0.042, 0.052),
+            rng.uniform(0.014, 0.018),
+            rng.uniform(0.04, 0.05),
+            int(rng.integers(3, 6)),
+            colour,
+            other(rng, COLOURS, colour),
+        )
+
+    def shape(self) -> Shape:
+        r, w, z = self.radius, self.half, self.height - self.radius
+        skin, blade_skin = plastic(self.colour), plastic(self.blade_colour)
+        hoop = revolve([(r, -w), (r, w), (r - 0.004, w), (r - 0.004, -w), (r, -w)], 24)
+        back = at(cylinder(r - 0.003, 0.002, 20), (0, 0, w - 0.003))
+        angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        ring = np.column_stack([0.55 * r * np.cos(angle), 0.55 * r * np.sin(angle), np.full(16, -w + 0.001)])
+        spokes = [at(box(r - 0.002, 0.0009, 0.0009), (0, 0, -w + 0.001), quat_about((0, 0, 1), k * np.pi / 4)) for k in range(4)]
+        guard = join(*spokes, sweep(ring, 0.0012, 4, closed=True))
+        blade = at(box(0.36 * r, 0.2 * r, 0.0012), (0.47 * r, 0, 0), quat_about((1, 0, 0), 0.45))
+        blades = join(*(blade.moved(_turn(2 * np.pi * k / self.blades)) for k in range(self.blades)))
+        hub = at(cylinder(0.18 * r, 1.6 * w, 14, 0.002), (0, 0, -0.9 * w))
+        face = quat_about((1, 0, 0), -np.pi / 2)
+        stem_top = z - r + 0.004
+        return Shape(
+            visual=(
+                *(
+                    (at(m, (0, 0, z), face), s)
+                    for m, s in ((hoop, skin), (back, plastic("charcoal")), (guard, skin), (blades, blade_skin), (hub, blade_skin))
+                ),
+                (cylinder(self.foot, 0.014, 20, 0.003), skin),
+                (at(cylinder(0.009, stem_top - 0.012, 12), (0, 0, 0.012)), skin),
+            ),
+            collision=disc(self.foot, 0.014)
+            + cylinder_collider(0.009, 0.012, stem_top)
+            + cylinder_collider(r, z - w, z + w, (0, 0), ALONG_Y),
+            mass=0.3,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        z = self.height - self.radius
+        grasps = box_pinches(
+            0.6 * self.radius,
+            self.half,
+            self.radius,
+            (0, 0, z),
+            heights=(2 * self.radius - 0.02, 2 * self.radius - 0.03),
+            offsets=(0.0,),
+            axes="y",
+        )
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "front": mark(0, -self.half, z, (0, -1, 0), (1, 0, 0))},
+            tuple(grasps),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "fan",
+            self.colour,
+            size=size_word(self.height, HEIGHT),
+            material="plastic",
+            traits=(f"with {self.blade_colour} blades",),
+            unseen=("{colour} desk fan", "{colour} table ventilator", f"{{colour}} electric fan with {self.blades} blades"),
+        )
+
+
+def _turn(angle: float) -> np.ndarray:
+    return np.concatenate([np.zeros(3), quat_about((0, 0, 1), angle)])

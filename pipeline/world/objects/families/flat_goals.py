@@ -1,0 +1,116 @@
+"""Flat things to set others on: a coaster and a large mat."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import fabric, painted, rubber, wood
+from pipeline.world.objects.colliders import box_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+COASTER = (0.042, 0.055)
+MAT = (0.10, 0.17)
+
+
+@register("coaster")
+@dataclass(frozen=True)
+class Coaster(Family):
+    """Round or square, with a ring on it."""
+
+    radius: float
+    thickness: float
+    form: str
+    material: str
+    colour: str
+    ring: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        material = pick(rng, ("wood", "rubber", "painted"))
+        colour = pick(rng, ("oak", "walnut", "beech", "mahogany") if material == "wood" else COLOURS)
+        return cls(
+            rng.uniform(*COASTER),
+            rng.uniform(0.004, 0.007),
+            pick(rng, ("round", "square")),
+            material,
+            colour,
+            other(rng, COLOURS, colour),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        r, t = self.radius, self.thickness
+        skin = {"wood": wood(self.colour, self.seed), "rubber": rubber(self.colour), "painted": painted(self.colour)}[self.material]
+        body = cylinder(r, t, 28, 0.001) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
+        ring = revolve([(0.85 * r, t), (0.85 * r, t + 0.0004), (0.7 * r, t + 0.0004), (0.7 * r, t)], 28)
+        return Shape(
+            visual=((body, skin), (ring, painted(self.ring))),
+            collision=disc(r, t) if self.form == "round" else box_collider(r, r, t / 2, (0, 0, t / 2)),
+            mass=700 * np.pi * r * r * t,
+            friction=0.7,
+        )
+
+    def frames(self) -> Frames:
+        top = mark(0, 0, self.thickness)
+        return Frames({"base": mark(0, 0, 0), "top": top, "centre": top})
+
+    def words(self) -> Words:
+        return describe(
+            "coaster",
+            self.colour,
+            size=size_word(self.radius, COASTER),
+            material="wooden" if self.material == "wood" else self.material,
+            traits=(f"with a {self.ring} ring",),
+            unseen=(f"{self.form} {{colour}} coaster", "{colour} drink mat", f"{self.form} cup mat"),
+        )
+
+
+@register("mat")
+@dataclass(frozen=True)
+class Mat(Family):
+    """A rectangular cloth mat with a border."""
+
+    hx: float
+    hy: float
+    thickness: float
+    colour: str
+    border: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, half: tuple[float, float] | None = None, colour: str = "") -> Self:
+        """`half` extents (m) and `colour` are drawn unless given."""
+        drawn, tone = (rng.uniform(*MAT), rng.uniform(0.06, 0.09)), pick(rng, COLOURS)
+        tone = colour or tone
+        hx, hy = half or drawn
+        return cls(hx, hy, rng.uniform(0.003, 0.005), tone, other(rng, COLOURS, tone), seed(rng))
+
+    def shape(self) -> Shape:
+        hx, hy, t = self.hx, self.hy, self.thickness
+        edge = extrude(rounded_rectangle(hx, hy, 0.006, 2), t)
+        inner = at(extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006), (0, 0, t - 0.0002))
+        return Shape(
+            visual=((edge, fabric(self.border)), (inner, fabric(self.colour, self.seed))),
+            collision=box_collider(hx, hy, t / 2, (0, 0, t / 2)),
+            mass=600 * 4 * hx * hy * t,
+            friction=0.9,
+        )
+
+    def frames(self) -> Frames:
+        top = mark(0, 0, self.thickness)
+        return Frames({"base": mark(0, 0, 0), "top": top, "centre": top})
+
+    def words(self) -> Words:
+        return describe(
+            "mat",
+            self.colour,
+            size=size_word(self.hx, MAT),
+            material="cloth",
+            traits=(f"with a {self.border} border",),
+            unseen=("{colour} rug", "{colour} cloth rectangle", "{colour} doormat"),
+        )

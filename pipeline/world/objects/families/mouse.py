@@ -1,0 +1,79 @@
+"""A computer mouse, its buttons towards +y."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import plastic, rubber
+from pipeline.world.objects.colliders import ALONG_X, convex_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, stack, stacked
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.shapes import Shape
+
+LENGTH = (0.092, 0.115)
+LEVELS = ((0.0, 0.94, 0.95), (0.08, 1.0, 1.0), (0.5, 0.99, 0.985), (0.72, 0.94, 0.92), (0.9, 0.78, 0.74), (1.0, 0.42, 0.42))
+
+
+@register("mouse")
+@dataclass(frozen=True)
+class Mouse(Family):
+    hx: float
+    length: float
+    height: float
+    pinch: float  # how much narrower the waist is, as a share
+    colour: str
+    wheel: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(0.027, 0.032),
+            rng.uniform(*LENGTH),
+            rng.uniform(0.034, 0.041),
+            rng.uniform(0.0, 0.06),
+            colour,
+            other(rng, ("black", "gray", "white", "red", "cyan", "lime"), colour),
+        )
+
+    def outline(self) -> np.ndarray:
+        """Outline (20,2): an oval with a waist."""
+        angle = 2 * np.pi * np.arange(20) / 20
+        c, s = np.cos(angle), np.sin(angle)
+        power = 0.62
+        x = self.hx * np.sign(c) * np.abs(c) ** power * (1 - self.pinch * (1 - s**2))
+        return np.column_stack([x / (1 - self.pinch), self.length / 2 * np.sign(s) * np.abs(s) ** 0.85]) * [1 - self.pinch, 1]
+
+    def shape(self) -> Shape:
+        h, hy = self.height, self.length / 2
+        levels = [(z * h, x, y) for z, x, y in LEVELS]
+        body = stack(self.outline(), levels, 60)
+        wheel = at(cylinder(0.009, 0.006, 14), (-0.003, 0.5 * hy, 0.8 * h), ALONG_X)
+        seam = at(box(0.0006, 0.24 * hy, 0.0015), (0, 0.56 * hy, 0.885 * h), quat_about((1, 0, 0), -0.30))
+        split = at(box(0.62 * self.hx, 0.0007, 0.0015), (0, 0.2 * hy, 0.985 * h))
+        dark = plastic("charcoal" if self.colour != "charcoal" else "gray")
+        return Shape(
+            visual=((body, plastic(self.colour)), (wheel, rubber(self.wheel)), (seam, dark), (split, dark)),
+            collision=convex_collider(stacked(self.outline(), levels).reshape(-1, 3)),
+            mass=0.1,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        hx = self.hx * (1 - self.pinch)
+        grasps = box_pinches(hx, self.length / 2, self.height / 2, heights=(0.014, 0.019), offsets=(-0.12, 0.0, 0.12), axes="x")
+        return Frames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
+
+    def words(self) -> Words:
+        return describe(
+            "mouse",
+            self.colour,
+            size=size_word(self.length, LENGTH),
+            material="plastic",
+            traits=(f"with a {self.wheel} wheel",),
+            unseen=("{colour} computer mouse", "wireless {colour} mouse", "{colour} pointing device"),
+        )

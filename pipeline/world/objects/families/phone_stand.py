@@ -1,0 +1,96 @@
+"""A phone stand facing -y: a foot plate, a back rest that leans away, and a lip."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import metal, plastic, wood
+from pipeline.world.objects.colliders import box_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+WIDTH = (0.034, 0.045)  # half extent
+
+
+@register("phone_stand")
+@dataclass(frozen=True)
+class PhoneStand(Family):
+    hx: float
+    depth: float  # half extent of the foot along y
+    back: float  # length of the back rest
+    lean: float  # rad of the back rest above horizontal
+    ledge: float  # depth of the lip in front of the back rest
+    material: str
+    colour: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        material = pick(rng, ("plastic", "metal", "wood"))
+        tones = {"plastic": COLOURS, "metal": ("silver", "charcoal", "gold"), "wood": ("oak", "walnut", "beech", "pine")}[material]
+        return cls(
+            rng.uniform(*WIDTH),
+            rng.uniform(0.045, 0.055),
+            rng.uniform(0.075, 0.1),
+            rng.uniform(np.radians(58), np.radians(68)),
+            rng.uniform(0.020, 0.024),
+            material,
+            pick(rng, tones),
+            seed(rng),
+        )
+
+    def boxes(self) -> list[tuple[tuple[float, float, float], np.ndarray, np.ndarray]]:
+        """Half extents, centre and quaternion of foot, back rest, ledge and lip."""
+        up, out = self.directions()
+        turn = quat_about((1, 0, 0), self.lean)
+        seat = self.seat_at()
+        t = 0.0028
+        flat = quat_about((0, 0, 1), 0.0)
+        return [
+            ((self.hx, self.depth, 0.004), np.array([0, 0, 0.004]), flat),
+            ((self.hx, self.back / 2 + 0.008, t), seat + up * (self.back / 2 - 0.008) - out * t, turn),
+            ((self.hx, t, self.ledge / 2 + t), seat - up * t + out * (self.ledge / 2 - t), turn),
+            ((self.hx, 0.006, t), seat + up * 0.004 + out * (self.ledge + t), turn),
+        ]
+
+    def directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Unit vectors up the back rest and out of it."""
+        return np.array([0, np.cos(self.lean), np.sin(self.lean)]), np.array([0, -np.sin(self.lean), np.cos(self.lean)])
+
+    def seat_at(self) -> np.ndarray:
+        """Where the lower edge of a phone's back rests (3,)."""
+        return np.array([0, -0.3 * self.depth, 0.024])
+
+    def shape(self) -> Shape:
+        skin = {"plastic": plastic(self.colour), "metal": metal(self.colour), "wood": wood(self.colour, self.seed)}[self.material]
+        return Shape(
+            visual=tuple((at(box(*half, 0.0012), centre, turn), skin) for half, centre, turn in self.boxes()),
+            collision=tuple(c for half, centre, turn in self.boxes() for c in box_collider(*half, centre, turn)),
+            mass=0.3,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        up, out = self.directions()
+        top = self.seat_at() + up * self.back
+        return Frames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(0, float(top[1]), float(top[2])),
+                "seat": mark(*self.seat_at(), normal=out),
+                "centre": mark(*(self.seat_at() + up * self.back / 2), normal=out),
+            }
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "phone stand",
+            self.colour,
+            size=size_word(self.hx, WIDTH, ("narrow", "medium-sized", "wide")),
+            material="wooden" if self.material == "wood" else self.material,
+            unseen=("{colour} phone holder", "{colour} smartphone dock", "{colour} mobile phone cradle"),
+        )

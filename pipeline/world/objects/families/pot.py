@@ -1,0 +1,79 @@
+"""A kitchen pot with two loop handles, along x."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import metal, painted, plastic
+from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import revolve, sweep
+from pipeline.world.objects.grasping import rim_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.shapes import Shape
+
+RADIUS = (0.075, 0.10)
+WALL = 0.004
+
+
+@register("pot")
+@dataclass(frozen=True)
+class Pot(Family):
+    radius: float
+    height: float
+    loop: float  # how far the handles stand out
+    finish: str  # "steel" or "enamel"
+    colour: str
+    handle_colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        radius, finish = rng.uniform(*RADIUS), pick(rng, ("steel", "enamel"))
+        return cls(
+            radius,
+            radius * rng.uniform(0.85, 1.25),
+            rng.uniform(0.028, 0.036),
+            finish,
+            pick(rng, ("silver", "charcoal") if finish == "steel" else COLOURS),
+            pick(rng, ("black", "silver", "brown", "red")),
+        )
+
+    def loop_path(self, side: int) -> np.ndarray:
+        """Axis (N,3) of the handle at +x (`side` 1) or -x (-1)."""
+        angle = np.radians(np.linspace(-90, 90, 7))
+        r = 0.97 * self.radius
+        x = r + (self.loop - 0.005) * np.cos(angle) ** 0.6
+        return np.column_stack([side * x, 0.036 * np.sin(angle), np.full(7, 0.8 * self.height)])
+
+    def shape(self) -> Shape:
+        r, h = self.radius, self.height
+        skin = metal(self.colour) if self.finish == "steel" else painted(self.colour)
+        bolt = plastic(self.handle_colour) if self.handle_colour != "silver" else metal()
+        outside = revolve(
+            [(0, 0), (r - 0.006, 0), (r, 0.006), (r, h - 0.003), (r + 0.0025, h - 0.002), (r + 0.0025, h), (r - WALL, h)], 28
+        )
+        inside = revolve([(r - WALL, h), (r - WALL, WALL), (0, WALL)], 28)
+        loops = [sweep(self.loop_path(s), 0.005, 8) for s in (1, -1)]
+        capsules = [c for s in (1, -1) for c in arc_of_capsules(self.loop_path(s)[::2], 0.005)]
+        return Shape(
+            visual=((outside, skin), (inside, metal("silver")), (loops[0], bolt), (loops[1], bolt)),
+            collision=(*disc(r, WALL), *ring_of_boxes(r, WALL, h, 18), *capsules),
+            mass=3500 * 0.003 * np.pi * (r * r + 2 * r * h),
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        floor = mark(0, 0, WALL)
+        points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}
+        return Frames(points, tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius))
+
+    def words(self) -> Words:
+        return describe(
+            "pot",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material=self.finish,
+            traits=(f"with {self.handle_colour} handles",),
+            unseen=("{colour} cooking pot", "{colour} saucepan with two handles", "{colour} kitchen pot"),
+        )

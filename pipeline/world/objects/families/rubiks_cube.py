@@ -1,0 +1,76 @@
+"""A puzzle cube, scrambled: nine stickers on each of six sides."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import plastic
+from pipeline.world.objects.colliders import box_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.families.boxes import upright
+from pipeline.world.objects.geometry import at, box, decal
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import mark, pick, seed, size_word
+from pipeline.world.objects.surface import join
+from pipeline.world.shapes import Shape
+
+SIDE = (0.050, 0.058)
+STICKERS = ("white", "yellow", "red", "orange", "blue", "green")
+
+
+@register("rubiks_cube")
+@dataclass(frozen=True)
+class RubiksCube(Family):
+    side: float
+    sticker: float  # share of a cell that its sticker covers
+    colour: str  # of the body
+    scramble: float  # share of stickers that are not of their side's colour
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        return cls(
+            rng.uniform(*SIDE), rng.uniform(0.8, 0.92), pick(rng, ("black", "charcoal", "gray")), rng.uniform(0, 1), seed(rng)
+        )
+
+    def shape(self) -> Shape:
+        h, cell = self.side / 2, self.side / 3
+        rng = np.random.Generator(np.random.Philox(self.seed))
+        colours = rng.permutation(6)
+        chosen: dict[int, list] = {k: [] for k in range(6)}
+        turns = [*(upright(k) for k in range(4)), (1, 0, 0, 0), quat_about((1, 0, 0), np.pi)]
+        for face, turn in enumerate(turns):
+            for k in range(9):
+                tone = int(rng.integers(6)) if rng.uniform() < self.scramble and k != 4 else int(colours[face])
+                tile = decal(self.sticker * cell, self.sticker * cell, ((k % 3 - 1) * cell, (k // 3 - 1) * cell, h + 0.0003))
+                chosen[tone].append(at(tile, (0, 0, h), turn))
+        stickers = tuple((join(*tiles), plastic(STICKERS[tone])) for tone, tiles in chosen.items() if tiles)
+        return Shape(
+            visual=((at(box(h, h, h, 0.0015), (0, 0, h)), plastic(self.colour)), *stickers),
+            collision=box_collider(h, h, h, (0, 0, h)),
+            mass=0.1,
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        h = self.side / 2
+        return Frames({"base": mark(0, 0, 0), "top": mark(0, 0, self.side)}, box_pinches(h, h, h, heights=(h,), offsets=(0.0,)))
+
+    def words(self) -> Words:
+        size, order = (
+            size_word(self.side, SIDE),
+            "scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved",
+        )
+        return Words(
+            "puzzle cube",
+            (
+                "puzzle cube",
+                "colourful puzzle cube",
+                f"{size} puzzle cube",
+                f"{order} puzzle cube",
+                f"puzzle cube with a {self.colour} body",
+            ),
+            ("twisty cube", f"{size} cube with coloured stickers", f"{order} magic cube"),
+        )

@@ -1,0 +1,102 @@
+"""A handheld bar code scanner standing on its foot, its window towards -y."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import plastic, rubber
+from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, side_prism
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.125, 0.155)
+
+
+@register("scanner")
+@dataclass(frozen=True)
+class Scanner(Family):
+    height: float
+    grip: float  # radius of the handle
+    foot: float
+    head: float  # length of the head
+    half: float  # half width of the head
+    deep: float  # height of the head
+    colour: str
+    trim: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(*HEIGHT),
+            rng.uniform(0.014, 0.0175),
+            rng.uniform(0.036, 0.043),
+            rng.uniform(0.066, 0.082),
+            rng.uniform(0.022, 0.028),
+            rng.uniform(0.03, 0.038),
+            colour,
+            other(rng, COLOURS, colour),
+        )
+
+    @property
+    def window(self) -> tuple[float, float, float]:
+        """Middle of the window."""
+        return (0.0, -0.62 * self.head, self.height - self.deep / 2)
+
+    def shape(self) -> Shape:
+        g, h, d = self.grip, self.height, self.deep
+        front, rear = -0.62 * self.head, 0.38 * self.head
+        outline = np.array([(front, 0), (rear - 0.006, 0), (rear, 0.3 * d), (rear - 0.012, d), (front, d), (front - 0.0, 0.8 * d)])
+        head = at(side_prism(outline, self.half, 0.002), (0, 0, h - d), quat_about((0, 0, 1), np.pi / 2))
+        neck = h - d + 0.004
+        handle = revolve([(0, 0.008), (g, 0.008), (0.92 * g, 0.5 * neck), (g, neck), (0, neck)], 20, 60)
+        trigger = at(box(0.006, 0.005, 0.011, 0.002), (0, -g, neck - 0.022))
+        x, y, z = self.window
+        face = quat_about((1, 0, 0), np.pi / 2)
+        return Shape(
+            visual=(
+                (head, plastic(self.colour)),
+                (handle, plastic(self.colour)),
+                (trigger, plastic(self.trim)),
+                (cylinder(self.foot, 0.012, 24, 0.003), rubber(self.trim)),
+                (decal(1.7 * self.half, 0.7 * d, (x, y - 0.0005, z), face), rubber("black")),
+                (decal(1.2 * self.half, 0.12 * d, (x, y - 0.0009, z), face), plastic("red")),
+            ),
+            collision=disc(self.foot, 0.012)
+            + cylinder_collider(0.98 * g, 0.01, neck)
+            + box_collider(self.half, self.head / 2, d / 2, (0, (front + rear) / 2, h - d / 2)),
+            mass=0.22,
+            friction=0.7,
+        )
+
+    def frames(self) -> Frames:
+        neck = self.height - self.deep
+        limit = [
+            (self.foot, 0.0),
+            (self.foot, 0.012),
+            (self.grip, 0.0125),
+            (self.grip, neck - 0.001),
+            (0.62 * self.head, neck),
+            (0.62 * self.head, self.height),
+        ]
+        grasps = side_pinches(
+            0.98 * self.grip, (0.4 * neck, 0.55 * neck), pitches=(-15, 0, 15, 30, 45), outline=limit, kind="handle"
+        )
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "window": mark(*self.window, normal=(0, -1, 0))}, tuple(grasps)
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "scanner",
+            self.colour,
+            size=size_word(self.height, HEIGHT),
+            material="plastic",
+            traits=(f"with a {self.trim} foot",),
+            unseen=("{colour} barcode scanner", "{colour} code reader", "handheld {colour} scanner"),
+        )

@@ -1,0 +1,85 @@
+"""A stamp standing on its face: a block with a turned handle."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import plastic, rubber, wood
+from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, revolve
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.085, 0.11)
+
+
+@register("seal")
+@dataclass(frozen=True)
+class Seal(Family):
+    half: float  # of the block
+    block: float  # height of the block
+    height: float
+    grip: float  # radius of the handle
+    form: str
+    material: str
+    colour: str
+    ink: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        material = pick(rng, ("wood", "plastic"))
+        return cls(
+            rng.uniform(0.022, 0.03),
+            rng.uniform(0.016, 0.024),
+            rng.uniform(*HEIGHT),
+            rng.uniform(0.012, 0.017),
+            pick(rng, ("round", "square")),
+            material,
+            pick(rng, ("oak", "walnut", "beech", "mahogany", "pine") if material == "wood" else COLOURS),
+            pick(rng, ("red", "blue", "black", "green", "purple")),
+            seed(rng),
+        )
+
+    def shape(self) -> Shape:
+        a, b, h, g = self.half, self.block, self.height, self.grip
+        skin = wood(self.colour, self.seed) if self.material == "wood" else plastic(self.colour)
+        foot = 0.006
+        if self.form == "round":
+            pad, block = cylinder(a, foot, 24), at(cylinder(a, b - foot, 24, 0.002), (0, 0, foot))
+        else:
+            pad = at(box(a, a, foot / 2), (0, 0, foot / 2))
+            block = at(box(a, a, (b - foot) / 2, 0.002), (0, 0, (b + foot) / 2))
+        profile = [(0.7 * g, b - 0.001), (0.62 * g, b + 0.15 * (h - b)), (g, b + 0.42 * (h - b)), (g, h - 0.6 * g)]
+        handle = revolve([*profile, (0.75 * g, h - 0.18 * g), (0.4 * g, h), (0, h)], 20, 60)
+        base = disc(a, b) if self.form == "round" else box_collider(a, a, b / 2, (0, 0, b / 2))
+        return Shape(
+            visual=((pad, rubber(self.ink)), (block, skin), (handle, skin)),
+            collision=base
+            + cylinder_collider(0.65 * g, b - 0.001, b + 0.3 * (h - b))
+            + cylinder_collider(g, b + 0.38 * (h - b), h - 0.3 * g)
+            + cylinder_collider(0.5 * g, h - 0.4 * g, h),
+            mass=0.12,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        a, b, h, g = self.half, self.block, self.height, self.grip
+        outline = [(a, 0.0), (a, b), (0.65 * g, b + 0.0005), (g, b + 0.4 * (h - b)), (g, h - 0.5 * g), (0.5 * g, h)]
+        return Frames(
+            {"base": mark(0, 0, 0), "stamp": mark(0, 0, 0, (0, 0, -1)), "top": mark(0, 0, h)},
+            side_pinches(g, (b + 0.55 * (h - b), h - 0.9 * g), outline=outline, kind="handle"),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "stamp",
+            self.colour,
+            size=size_word(self.height, HEIGHT),
+            material="wooden" if self.material == "wood" else "plastic",
+            traits=(f"with {self.ink} ink",),
+            unseen=(f"{self.form} {{colour}} seal", "{colour} rubber stamp", "{colour} hand stamp"),
+        )

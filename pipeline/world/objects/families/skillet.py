@@ -1,0 +1,99 @@
+"""A frying pan; its handle points towards -y, the robot."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import metal, painted, plastic, wood
+from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, revolve
+from pipeline.world.objects.grasping import handle_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.shapes import Shape
+
+RADIUS = (0.07, 0.09)
+WALL = 0.004
+LEAN = 0.2  # rad the handle rises
+
+
+@register("skillet")
+@dataclass(frozen=True)
+class Skillet(Family):
+    radius: float
+    height: float
+    handle: float  # length
+    grip: float  # half width of the handle
+    colour: str
+    handle_material: str
+    handle_colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        material = pick(rng, ("wood", "plastic"))
+        return cls(
+            rng.uniform(*RADIUS),
+            rng.uniform(0.026, 0.036),
+            rng.uniform(0.12, 0.15),
+            rng.uniform(0.009, 0.013),
+            pick(rng, ("black", "charcoal", "gray", "silver", "red", "blue", "dark green", "teal", "orange", "maroon")),
+            material,
+            pick(rng, ("oak", "walnut", "beech") if material == "wood" else COLOURS),
+        )
+
+    def along(self, share: float) -> np.ndarray:
+        """A point (3,) of the handle's axis, 0 at the pan and 1 at its end."""
+        return np.array([0, -self.radius + 0.004, 0.8 * self.height]) + share * self.handle * np.array(
+            [0, -np.cos(LEAN), np.sin(LEAN)]
+        )
+
+    def shape(self) -> Shape:
+        r, h = self.radius, self.height
+        foot = 0.82 * r
+        skin = metal(self.colour) if self.colour in ("silver", "gray", "charcoal") else painted(self.colour)
+        outside = revolve([(0, 0), (foot, 0), (r, h), (r - WALL, h)], 32)
+        inside = revolve([(r - WALL, h), (foot - WALL, WALL), (0, WALL)], 32)
+        middle, turn = self.along(0.5), quat_about((1, 0, 0), -LEAN)
+        grip = at(box(self.grip, 0.36 * self.handle, 0.0075, 0.004), self.along(0.64), turn)
+        neck = at(box(0.55 * self.grip, 0.2 * self.handle, 0.004), self.along(0.18), turn)
+        cover = wood(self.handle_colour) if self.handle_material == "wood" else plastic(self.handle_colour)
+        return Shape(
+            visual=((outside, skin), (inside, metal("charcoal")), (grip, cover), (neck, metal())),
+            collision=(
+                *disc(foot, WALL),
+                *ring_of_boxes(foot, WALL, h, 16, top=r),
+                *(replace(c, weight=0.25) for c in box_collider(self.grip, 0.5 * self.handle, 0.0075, middle, turn)),
+            ),
+            mass=0.35 * (r / 0.08) ** 2,
+            friction=0.5,
+        )
+
+    def frames(self) -> Frames:
+        floor, axis = mark(0, 0, WALL), self.along(1) - self.along(0)
+        grips = [
+            g
+            for share in (0.5, 0.68, 0.85)
+            for g in handle_pinches(self.along(share), axis, (0, 0, 1), 2 * self.grip, (-60, -45, -30, -15, 0))
+        ]
+        return Frames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(*self.along(1)),
+                "inside": floor,
+                "centre": floor,
+                "handle": mark(*self.along(0.68), heading=-axis),
+            },
+            tuple(grips),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "skillet",
+            self.colour,
+            size=size_word(self.radius, RADIUS),
+            material="metal",
+            traits=(f"with a {self.handle_colour} handle",),
+            unseen=("{colour} frying pan", f"{{colour}} pan with a {self.handle_colour} handle", "{colour} cooking pan"),
+        )

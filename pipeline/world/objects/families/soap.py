@@ -1,0 +1,70 @@
+"""A bar of soap."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import srgb
+from pipeline.world.objects.colliders import convex_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, rounded_rectangle, scaled, sphere, stack, stacked
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.shapes import Material, Shape
+
+LENGTH = (0.072, 0.095)
+LEVELS = ((0.0, 0.9, 0.86), (0.22, 1.0, 1.0), (0.72, 1.0, 1.0), (0.93, 0.93, 0.9), (1.0, 0.84, 0.8))
+
+
+@register("soap")
+@dataclass(frozen=True)
+class Soap(Family):
+    length: float
+    half: float
+    height: float
+    corner: float  # roundness of the outline, as a share of the half width
+    stamp: float  # share of the top that is embossed
+    colour: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.024, 0.031),
+            rng.uniform(0.026, 0.034),
+            rng.uniform(0.3, 1.0),
+            rng.uniform(0.4, 0.65),
+            pick(rng, PASTELS + COLOURS),
+        )
+
+    def shape(self) -> Shape:
+        outline = rounded_rectangle(self.length / 2, self.half, self.corner * self.half, 4)
+        levels = [(z * self.height, x, y) for z, x, y in LEVELS]
+        skin = Material(srgb(self.colour), roughness=0.3)
+        r, g, b = srgb(self.colour)
+        darker = Material((0.82 * r, 0.82 * g, 0.82 * b), roughness=0.4)
+        oval = at(
+            scaled(sphere(1.0, 4, 16), self.stamp * self.length / 2, self.stamp * self.half, 0.0012), (0, 0, self.height - 0.0004)
+        )
+        return Shape(
+            visual=((stack(outline, levels, 60), skin), (oval, darker)),
+            collision=convex_collider(stacked(outline, levels).reshape(-1, 3)),
+            mass=1000 * self.length * 2 * self.half * self.height * 0.85,
+            friction=0.4,
+        )
+
+    def frames(self) -> Frames:
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)},
+            box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)),
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "soap",
+            self.colour,
+            size=size_word(self.length, LENGTH),
+            material="smooth",
+            unseen=("{colour} bar of soap", "{colour} soap bar", "rounded {colour} soap piece"),
+        )

@@ -1,0 +1,106 @@
+"""A stapler, its mouth towards +x."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import metal, plastic, rubber
+from pipeline.world.objects.colliders import box_collider, convex_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, side_prism
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.shapes import Shape
+
+LENGTH = (0.12, 0.155)
+
+
+@register("stapler")
+@dataclass(frozen=True)
+class Stapler(Family):
+    length: float
+    half: float
+    height: float
+    gape: float  # height of the mouth
+    nose: float  # height of the upper arm at the mouth, as a share
+    colour: str
+    trim: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.016, 0.021),
+            rng.uniform(0.05, 0.062),
+            rng.uniform(0.009, 0.015),
+            rng.uniform(0.6, 0.85),
+            colour,
+            other(rng, ("black", "silver", "gray", "white", "red", "navy"), colour),
+        )
+
+    def arm(self) -> np.ndarray:
+        """Outline (K,2) of the upper arm in x and z, counter-clockwise seen from -y."""
+        a, h = self.length / 2, self.height
+        jaw = 0.012 + self.gape
+        nose = jaw + self.nose * (h - jaw)
+        return np.array(
+            [
+                (-a, 0.012),
+                (-0.7 * a, 0.014),
+                (0.96 * a, jaw),
+                (a, jaw + 0.004),
+                (0.97 * a, nose),
+                (0.55 * a, h - 0.002),
+                (-0.45 * a, h),
+                (-0.85 * a, 0.82 * h),
+                (-a, 0.55 * h),
+            ]
+        )
+
+    def shape(self) -> Shape:
+        a, w = self.length / 2, self.half
+        base = at(box(a, w, 0.006, 0.0025), (0, 0, 0.006))
+        arm = side_prism(self.arm(), 0.92 * w, 0.004, crease=55)
+        outline = self.arm()
+        rail = np.array([(-0.6 * a, 0.015), (0.93 * a, 0.009 + self.gape), (0.93 * a, 0.014 + self.gape), (-0.6 * a, 0.022)])
+        anvil = at(box(0.008, 0.5 * w, 0.0008), (0.86 * a, 0, 0.0126))
+        grip = at(box(0.28 * a, 0.5 * w, 0.002, 0.001), (0.45 * a, 0, self._roof(0.45 * a) - 0.0008))
+        hinge = at(box(0.006, 1.0 * w, 0.008, 0.002), (-0.86 * a, 0, 0.022))
+        solid = np.concatenate(
+            [np.column_stack([outline[:, 0], np.full(len(outline), s * 0.92 * w), outline[:, 1]]) for s in (-1, 1)]
+        )
+        return Shape(
+            visual=(
+                (base, plastic(self.trim)),
+                (arm, plastic(self.colour)),
+                (side_prism(rail, 0.8 * w), metal()),
+                (anvil, metal()),
+                (grip, rubber(self.trim)),
+                (hinge, metal()),
+            ),
+            collision=box_collider(a, w, 0.006, (0, 0, 0.006)) + convex_collider(solid),
+            mass=0.22,
+            friction=0.6,
+        )
+
+    def _roof(self, x: float) -> float:
+        top = self.arm()[3:8][::-1]
+        return float(np.interp(x, top[:, 0], top[:, 1]))
+
+    def frames(self) -> Frames:
+        a, h = self.length / 2, self.height
+        press = mark(0.55 * a, 0, self._roof(0.55 * a))
+        grasps = box_pinches(a, 0.92 * self.half, h / 2, heights=(0.55 * h,), offsets=(-0.35, -0.1, 0.15), axes="y")
+        return Frames({"base": mark(0, 0, 0), "top": mark(-0.45 * a, 0, h), "press": press}, tuple(grasps))
+
+    def words(self) -> Words:
+        return describe(
+            "stapler",
+            self.colour,
+            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
+            material="plastic",
+            traits=(f"with a {self.trim} base",),
+            unseen=("{colour} paper stapler", "{colour} office stapler", f"{{colour}} stapling tool on a {self.trim} base"),
+        )

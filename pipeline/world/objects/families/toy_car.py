@@ -1,0 +1,137 @@
+"""A toy car, its nose towards +x."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.materials import painted, plastic, rubber
+from pipeline.world.objects.colliders import box_collider, convex_collider
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, side_prism
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.shapes import Shape
+
+LENGTH = (0.095, 0.125)
+FORMS = {  # outline of the cabin as shares of the length (from the rear) and of the cabin's height
+    "sedan": [(0.12, 0.0), (0.78, 0.0), (0.62, 1.0), (0.28, 1.0)],
+    "van": [(0.02, 0.0), (0.86, 0.0), (0.72, 1.0), (0.03, 1.0)],
+    "pickup": [(0.42, 0.0), (0.82, 0.0), (0.7, 1.0), (0.44, 1.0)],
+    "sports car": [(0.06, 0.0), (0.72, 0.0), (0.5, 1.0), (0.36, 1.0)],
+}
+
+
+@register("toy_car")
+@dataclass(frozen=True)
+class ToyCar(Family):
+    length: float
+    half: float
+    height: float
+    wheel: float  # radius
+    form: str
+    colour: str
+    roof: str
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        colour = pick(rng, COLOURS)
+        return cls(
+            rng.uniform(*LENGTH),
+            rng.uniform(0.023, 0.029),
+            rng.uniform(0.042, 0.054),
+            rng.uniform(0.0105, 0.013),
+            pick(rng, tuple(FORMS)),
+            colour,
+            pick(rng, (colour, other(rng, COLOURS, colour))),
+        )
+
+    def x(self, share: float) -> float:
+        """x (m) of a share of the length from the rear."""
+        return (share - 0.5) * self.length
+
+    def shape(self) -> Shape:
+        w, h, r = self.half, self.height, self.wheel
+        belt = 0.58 * h
+        low = 0.55 * r
+        lower = np.array(
+            [
+                (self.x(0.02), low),
+                (self.x(0.98), low),
+                (self.x(1.0), 0.6 * belt),
+                (self.x(0.93), 0.9 * belt),
+                (self.x(0.7), belt),
+                (self.x(0.0), belt),
+            ]
+        )
+        cabin = np.array([(self.x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
+        glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
+        wheels = [
+            at(cylinder(r, 0.009, 14, 0.0015), (self.x(share), side * (w - 0.0085) + 0.0045, r), quat_about((1, 0, 0), np.pi / 2))
+            for share in (0.2, 0.8)
+            for side in (-1, 1)
+        ]
+        hubs = [
+            at(cylinder(0.5 * r, 0.0012, 8), (self.x(share), side * (w - 0.003) + 0.0006, r), quat_about((1, 0, 0), np.pi / 2))
+            for share in (0.2, 0.8)
+            for side in (-1, 1)
+        ]
+        lamps = [at(box(0.0012, 0.16 * w, 0.1 * h), (self.x(0.985), side * 0.62 * w, 0.42 * h)) for side in (-1, 1)]
+        tails = [at(box(0.0008, 0.16 * w, 0.07 * h), (self.x(0.012), side * 0.7 * w, 0.45 * h)) for side in (-1, 1)]
+        front = np.array(FORMS[self.form])[[1, 2]]
+        slope = np.array([self.x(front[0, 0]), belt]), np.array([self.x(front[1, 0]), h])
+        middle, along = (slope[0] + slope[1]) / 2, slope[1] - slope[0]
+        shield = at(
+            box(0.4 * float(np.hypot(*along)), 0.7 * w, 0.0008),
+            (float(middle[0]), 0, float(middle[1])),
+            quat_about((0, 1, 0), -float(np.arctan2(along[1], along[0]))),
+        )
+        points = np.concatenate([np.column_stack([cabin[:, 0], np.full(len(cabin), s * 0.86 * w), cabin[:, 1]]) for s in (-1, 1)])
+        return Shape(
+            visual=(
+                (side_prism(lower, w - 0.001, 0.003), painted(self.colour)),
+                (side_prism(cabin, 0.86 * w, 0.002), painted(self.roof)),
+                (side_prism(glass, 0.87 * w), plastic("black")),
+                (shield, plastic("black")),
+                *((m, rubber("black")) for m in wheels),
+                *((m, plastic("silver")) for m in hubs),
+                *((m, plastic("cream")) for m in lamps),
+                *((m, plastic("red")) for m in tails),
+            ),
+            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2)) + convex_collider(points),
+            mass=0.11,
+            friction=0.6,
+        )
+
+    def frames(self) -> Frames:
+        belt = 0.58 * self.height
+        cabin = float(np.mean([self.x(a) for a, _ in FORMS[self.form]]))
+        # the palm is kept off the cabin by the box's full height, the pinch is on the lower body
+        grasps = box_pinches(
+            self.length / 2,
+            self.half - 0.001,
+            self.height / 2,
+            heights=(0.6 * belt, 0.85 * belt),
+            offsets=(-0.25, 0.0, 0.25),
+            axes="y",
+        )
+        return Frames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(cabin, 0, self.height),
+                "nose": mark(self.length / 2, 0, 0.5 * belt, (1, 0, 0), (0, 0, 1)),
+            },
+            tuple(grasps),
+        )
+
+    def words(self) -> Words:
+        traits = () if self.roof == self.colour else (f"with a {self.roof} roof",)
+        return describe(
+            "toy car",
+            self.colour,
+            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
+            material="plastic",
+            traits=traits,
+            unseen=(f"{{colour}} toy {self.form}", "{colour} model car", "{colour} miniature vehicle"),
+        )

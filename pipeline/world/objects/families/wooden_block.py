@@ -1,0 +1,76 @@
+"""A plain wooden block in one of three forms: brick, cylinder, half-round arch block."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.materials import WOODS, wood
+from pipeline.world.objects.colliders import box_collider, convex_collider, disc
+from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.geometry import at, box, cylinder, side_prism
+from pipeline.world.objects.grasping import box_pinches, side_pinches
+from pipeline.world.objects.kit import describe, mark, pick, seed, size_word
+from pipeline.world.shapes import Shape
+
+LENGTH = (0.06, 0.1)
+
+
+@register("wooden_block")
+@dataclass(frozen=True)
+class WoodenBlock(Family):
+    form: str  # "brick", "cylinder" or "wedge"
+    length: float  # along x; the height of a cylinder
+    half: float  # half width, or radius
+    height: float
+    colour: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        return cls(
+            pick(rng, ("brick", "cylinder", "wedge")),
+            rng.uniform(*LENGTH),
+            rng.uniform(0.02, 0.031),
+            rng.uniform(0.036, 0.055),
+            pick(rng, tuple(WOODS)),
+            seed(rng),
+        )
+
+    def wedge(self) -> np.ndarray:
+        """Outline (4,2) of the wedge in x and z."""
+        a, h = self.length / 2, self.height
+        return np.array([(-a, 0), (a, 0), (0.35 * a, h), (-0.35 * a, h)])
+
+    def shape(self) -> Shape:
+        a, b, h = self.length / 2, self.half, self.height
+        if self.form == "brick":
+            mesh, pieces = at(box(a, b, h / 2, 0.0025), (0, 0, h / 2)), box_collider(a, b, h / 2, (0, 0, h / 2))
+        elif self.form == "cylinder":
+            mesh, pieces = cylinder(b, self.length, 24, 0.002), disc(b, self.length)
+        else:
+            points = np.concatenate([np.column_stack([self.wedge()[:, 0], np.full(4, s * b), self.wedge()[:, 1]]) for s in (-1, 1)])
+            mesh, pieces = side_prism(self.wedge(), b, 0.002), convex_collider(points)
+        size = np.pi * b * b * self.length if self.form == "cylinder" else 4 * a * b * h * (0.68 if self.form == "wedge" else 1)
+        return Shape(visual=((mesh, wood(self.colour, self.seed)),), collision=pieces, mass=650 * size, friction=0.5)
+
+    def frames(self) -> Frames:
+        a, b = self.length / 2, self.half
+        if self.form == "cylinder":
+            return Frames(
+                {"base": mark(0, 0, 0), "top": mark(0, 0, self.length)},
+                side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]),
+            )
+        spread = (-0.2, 0.0, 0.2) if self.form == "brick" else (0.0,)
+        return Frames(
+            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, box_pinches(a, b, self.height / 2, offsets=spread, axes="y")
+        )
+
+    def words(self) -> Words:
+        return describe(
+            "wooden block",
+            self.colour,
+            size=size_word(self.length, LENGTH),
+            traits=(f"shaped like a {self.form}",),
+            unseen=(f"{{colour}} {self.form}", f"wooden {self.form}", "{colour} toy block"),
+        )
