@@ -168,16 +168,16 @@ def main() -> None:
         where = root / "episodes" / "benchmark"
         paths = args.episode or [drawn_episode(where / f"episode_{i:07d}.hdf5", args.frames, i) for i in range(args.episodes)]
         with open_episode(paths[0]) as e:
-            print(
-                f"{len(paths)} episodes; the first has {len(e)} frames of {len(e.cameras)} cameras, {e.rgb(e.cameras[0], 0).shape}"
-            )
+            size = "x".join(map(str, e.rgb(e.cameras[0], 0).shape[:2]))
+            print(f"{len(paths)} episodes; the first has {len(e)} frames of {len(e.cameras)} cameras, {size} pixels")
             head = list(e.frames(e.cameras[0]))
         print(f"{'format':34} {'s/episode':>10} {'CPU s/episode':>14} {'episodes/h':>11} {'MB/episode':>11}")
         for name, wall, cpu, size in formats(paths, root):
             n = len(paths)
             written = f"{size / n:11.2f}" if size else ""
             print(f"{name:34} {wall / n:10.3f} {cpu / n:14.3f} {3600 * n / wall:11.0f} {written}")
-        print(f"\n{'codec, head camera':34} {'CPU ms/frame':>12} {'kB/frame':>9} {'error even':>11} {'error odd':>10}")
+        print("\nerror: mean absolute difference, 0-255, where a picture differs from the one before, in even and odd pictures")
+        print(f"{'codec, head camera':34} {'CPU ms/frame':>12} {'kB/frame':>9} {'error even':>11} {'error odd':>10}")
         for name, cpu, size, even, odd in codecs(head):
             print(f"{name:34} {cpu:12.2f} {size:9.2f} {even:11.1f} {odd:10.1f}")
 

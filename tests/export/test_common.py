@@ -206,7 +206,7 @@ def test_a_full_disk_gives_one_line_and_leaves_nothing(dataset, format, monkeypa
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(f"pipeline.export.{format}.write_json", full)
-    with pytest.raises(ExportError, match="cannot be written .*No space left"):
+    with pytest.raises(ExportError, match=r"cannot be written .*No space left"):
         EXPORTERS[format](dataset, dataset / "exports" / format, episodes_of(dataset))
     assert list((dataset / "exports").iterdir()) == []
 
