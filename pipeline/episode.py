@@ -23,6 +23,7 @@ from pipeline.world.state_log import CONTACT_DTYPE, Event, StateLog
 
 SCHEMA = 1
 JPEG_QUALITY = 95
+_GROUPS = ("instruction", "joint_action", "joint_state", "endpose", "target", "objects", "state", "observation")
 
 
 class EpisodeError(Exception):
@@ -64,6 +65,9 @@ def write_episode(path: Path, episode: Episode, views: list[View]) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with h5py.File(temporary, "w", libver=("v110", "v110")) as f:
+            # groups that h5py makes on the way to a dataset carry the time of day; these do not
+            for name in (*_GROUPS, *(f"objects/{body}" for body in episode.meta["objects"])):
+                f.create_group(name)
             _write_header(f, episode)
             _write_log(f, episode)
             for view in views:
@@ -105,7 +109,7 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     f["target"].attrs["name"] = e.meta["target"]
     for name in e.meta["objects"]:
         f[f"objects/{name}/pose"] = log.pose(name)
-    state = f.create_group("state")
+    state = f["state"]
     state.attrs["bodies"], state.attrs["joints"] = list(log.bodies), list(log.joints)
     state["poses"], state["qpos"], state["qvel"], state["contacts"] = log.poses, log.qpos, log.qvel, log.contacts
 
@@ -150,7 +154,7 @@ class EpisodeFile:
         """One dataset, whole, e.g. "joint_state/vector" (T,A) or "observation/head_camera/extrinsic_cv" (T,3,4)."""
         if key not in self._file:
             raise EpisodeError(f"{self.path}: has no {key}")
-        return self._file[key][()]
+        return np.asarray(self._file[key])
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -174,7 +178,7 @@ class EpisodeFile:
 
     def instructions(self, split: str = "seen") -> list[str]:
         """The instructions of a split, "seen" or "unseen"."""
-        return [s.decode() for s in self._file[f"instruction/{split}"][()]]
+        return [s.decode() for s in self.array(f"instruction/{split}")]
 
     def jpeg(self, camera: str, frame: int) -> bytes:
         """Encoded JPEG bytes of one frame (true RGB for any standard reader)."""
@@ -186,7 +190,7 @@ class EpisodeFile:
 
     def frames(self, camera: str) -> Iterator[NDArray[np.uint8]]:
         """All decoded frames of a camera in order."""
-        for data in self._file[f"observation/{camera}/rgb"][()]:
+        for data in self.array(f"observation/{camera}/rgb"):
             yield decode(bytes(data))
 
     def read(self) -> Episode:
@@ -223,7 +227,7 @@ def decode(jpeg: bytes) -> NDArray[np.uint8]:
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
         raise EpisodeError("a frame does not decode as JPEG")
-    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def world_poses(camera: Camera, log: StateLog, fixed: Pose) -> NDArray[np.float64]:
