@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol, Self
 
 import numpy as np
@@ -73,11 +74,16 @@ FAMILIES: dict[str, type[Family]] = {}
 
 
 def register[F: type](name: str) -> Callable[[F], F]:
-    """Class decorator: enter a family under `name` (snake case). Raises ValueError for a name that is taken."""
+    """Class decorator: enter a family under `name` (snake case). Raises ValueError for a name that is taken.
+
+    Instances never change, so the shape and frames of the latest instances are remembered: treat their arrays as read-only.
+    """
 
     def enter(cls: F) -> F:
         if name in FAMILIES:
             raise ValueError(f"object family {name!r} is registered twice")
+        for method in ("shape", "frames"):
+            setattr(cls, method, lru_cache(maxsize=32)(getattr(cls, method)))
         FAMILIES[name] = cls
         return cls
 

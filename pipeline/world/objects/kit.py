@@ -1,5 +1,6 @@
 """Small helpers every family uses: drawing from lists, marking frames, and words that are true of the sampled parameters."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -63,5 +64,9 @@ def describe(
         seen += [f"{colour} {material} {noun}", f"{material} {noun}"]
     for trait in traits:
         seen += [f"{noun} {trait}", f"{colour} {noun} {trait}"]
-    phrases = tuple(dict.fromkeys(" ".join(s.split()) for s in seen))
-    return Words(noun, phrases[:8], tuple(u.format(colour=colour) for u in unseen))
+    phrases = tuple(dict.fromkeys(_english(s) for s in seen))
+    return Words(noun, phrases[:8], tuple(_english(u.format(colour=colour)) for u in unseen))
+
+
+def _english(phrase: str) -> str:
+    return re.sub(r"\ba (?=[aeiou])", "an ", " ".join(phrase.split()))

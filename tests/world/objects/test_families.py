@@ -42,6 +42,20 @@ def test_drawing_is_deterministic_and_varied(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_shapes_are_a_function_of_the_parameters(name):
+    one, shape = built(name)[0]
+    again = type(one).shape.__wrapped__(one)  # past the memory of the latest instances
+    assert again is not shape
+    for (mesh, skin), (other_mesh, other_skin) in zip(shape.visual, again.visual, strict=True):
+        assert np.array_equal(mesh.vertices, other_mesh.vertices)
+        assert np.array_equal(mesh.triangles, other_mesh.triangles)
+        assert skin.color == other_skin.color
+        assert (skin.texture is None) == (other_skin.texture is None)
+        assert skin.texture is None or np.array_equal(skin.texture, other_skin.texture)
+    assert all(np.array_equal(a.pose, b.pose) and a.size == b.size for a, b in zip(shape.collision, again.collision, strict=True))
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_visual_and_collision_agree_and_stand_on_the_ground(name):
     for one, shape in built(name):
         points = np.concatenate([m.vertices for m, _ in shape.visual])

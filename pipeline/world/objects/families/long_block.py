@@ -14,6 +14,7 @@ from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, siz
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.18, 0.215)
+HALF = (0.0225, 0.027)
 
 
 @register("long_block")
@@ -30,7 +31,7 @@ class LongBlock(Family):
     def draw(cls, rng: np.random.Generator) -> Self:
         colour = pick(rng, ("red", "maroon", "coral", "rust"))
         return cls(
-            rng.uniform(0.0225, 0.027),
+            rng.uniform(*HALF),
             rng.uniform(*HEIGHT),
             rng.uniform(0.001, 0.005),
             colour,
@@ -58,7 +59,7 @@ class LongBlock(Family):
         return describe(
             "long block",
             self.colour,
-            size=size_word(self.height, HEIGHT, ("shorter", "tall", "very tall")),
+            size=size_word(self.half, HALF, ("slim", "medium", "thick")),
             traits=(f"with a {self.band} band",),
             unseen=("{colour} square bar", "{colour} wooden post", "upright {colour} bar"),
         )

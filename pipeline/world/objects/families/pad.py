@@ -66,5 +66,5 @@ class Pad(Family):
             self.colour,
             size=size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2)),
             material=self.material,
-            unseen=("{colour} mat", "flat {colour} rectangle", "{colour} square on the table"),
+            unseen=("{colour} mat", "flat {colour} rectangle", "{colour} place mat"),
         )

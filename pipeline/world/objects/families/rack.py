@@ -98,5 +98,5 @@ class Rack(Family):
             self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
             material="wooden" if self.material == "wood" else self.material,
-            unseen=("{colour} cup holder", "{colour} mug tree", "stand with two pegs"),
+            unseen=("{colour} cup holder", "{colour} mug tree", "{colour} stand with two pegs"),
         )
