@@ -29,7 +29,6 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
-    Provenance,
     by_embodiment,
     read_facts,
     reading,
@@ -38,6 +37,7 @@ from pipeline.export.common import (
     staged,
     write_json,
 )
+from pipeline.export.provenance import Provenance
 
 CAMERA_NAMES = {"head_camera": "cam_high", "left_camera": "cam_left_wrist", "right_camera": "cam_right_wrist"}
 

@@ -25,12 +25,10 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
-    Provenance,
     by_embodiment,
     read_facts,
     reading,
     same,
-    scalars,
     size_of,
     staged,
     write_json,
@@ -51,6 +49,7 @@ from pipeline.export.lerobot_format import (
     write_stats,
     write_tasks,
 )
+from pipeline.export.provenance import Provenance, scalars
 from pipeline.export.stats import Stats, color_counts, picture_stats, sample_rows, vector_stats
 from pipeline.export.video import Codec, VideoFile, encode
 

@@ -13,8 +13,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.episode import EpisodeFile
-from pipeline.export.common import Facts, by_embodiment, read_facts, reading, scalars
+from pipeline.export.common import Facts, by_embodiment, read_facts, reading
 from pipeline.export.lerobot_format import DATA_PATH, VIDEO_PATH, data_columns, image_key
+from pipeline.export.provenance import scalars
 from pipeline.export.video import frames_of
 
 PICTURE_TOLERANCE = 8.0  # mean absolute difference of 0-255 that AV1 at crf 30 stays well below

@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.export.common import SCALAR_TYPES, Facts, camera_label
+from pipeline.export.common import Facts, camera_label
+from pipeline.export.provenance import SCALAR_TYPES
 from pipeline.export.stats import Stats
 from pipeline.export.video import Codec
 

@@ -25,7 +25,6 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     Progress,
-    Provenance,
     camera_label,
     event_frames,
     ordered,
@@ -36,6 +35,7 @@ from pipeline.export.common import (
     staged,
     write_json,
 )
+from pipeline.export.provenance import Provenance
 
 FILE_BYTES = 200 * 1024 * 1024
 PICTURE = pa.struct({"bytes": pa.binary(), "path": pa.string()})  # what Hugging Face datasets stores an image as

@@ -1,0 +1,105 @@
+"""Where an episode comes from, as columns: what travels with every row of metadata, and the longer texts in a file of their own."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.export.common import Facts
+from pipeline.world.state_log import StateLog
+
+
+def scalars(facts: Facts) -> dict[str, Any]:
+    """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
+
+    T_meet is the planned meeting, t_meeting, t_release and t_success when these happened, all in s since the first frame, None for
+    what did not happen; speeds are the target's, in m/s along its planned motion.
+    """
+    spec, log, meta = facts.spec, facts.log, facts.meta
+    arms = meta.get("arms", {})
+    return {
+        "task": spec.task,
+        "category": str(meta.get("category", "")),
+        "embodiment": spec.embodiment,
+        "level": spec.level,
+        "alpha": float(spec.alpha),
+        "domain": spec.domain,
+        "slot": spec.slot,
+        "seed": spec.seed,
+        "T_meet": meta.get("T_meet"),
+        **{f"t_{event}": _time(log, event) for event in ("meeting", "release", "success")},
+        "average_speed": meta.get("average_speed"),
+        "maximum_speed": meta.get("maximum_speed"),
+        "target": str(meta.get("target", "")),
+        "arms": "+".join(sorted(set(arms.values()))),
+        "code_version": str(meta.get("code_version", "")),
+        "source": facts.source,
+    }
+
+
+def _time(log: StateLog, event: str) -> float | None:
+    time = log.time_of(event)
+    return None if time is None else float(time - log.times[0])
+
+
+_SPEEDS = ("average_speed", "maximum_speed")
+SCALAR_TYPES = {
+    **dict.fromkeys(("task", "category", "embodiment", "domain", "target", "arms", "code_version", "source"), pa.string()),
+    **dict.fromkeys(("level", "slot", "seed"), pa.int64()),
+    **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),
+}
+
+TEXTS = pa.list_(pa.string())
+PROVENANCE_SCHEMA = pa.schema(
+    [
+        *(("episode_index", pa.int64()), ("length", pa.int64())),
+        *SCALAR_TYPES.items(),
+        *(("instruction", pa.string()), ("instructions_seen", TEXTS), ("instructions_unseen", TEXTS)),
+        *(("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())),
+    ]
+)
+
+
+def provenance(index: int, facts: Facts) -> dict[str, Any]:
+    """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
+    return {
+        "episode_index": index,
+        "length": len(facts),
+        **scalars(facts),
+        "instruction": facts.instruction,
+        "instructions_seen": facts.seen,
+        "instructions_unseen": facts.unseen,
+        "motion": facts.motion,
+        "objects": json.dumps(facts.meta.get("objects", {}), sort_keys=True),
+        "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+    }
+
+
+class Provenance:
+    """A Parquet file of `provenance` rows, written a hundred at a time."""
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.count = 0
+        self._rows: list[dict[str, Any]] = []
+        self._writer = pq.ParquetWriter(path, PROVENANCE_SCHEMA, compression="zstd")
+
+    def append(self, facts: Facts) -> None:
+        """Add the next episode."""
+        self._rows.append(provenance(self.count, facts))
+        self.count += 1
+        if len(self._rows) == 100:
+            self._flush()
+
+    def _flush(self) -> None:
+        self._writer.write_table(pa.Table.from_pylist(self._rows, schema=PROVENANCE_SCHEMA))
+        self._rows.clear()
+
+    def close(self) -> None:
+        """Write what is left and the footer."""
+        if self._writer.is_open:
+            if self._rows:
+                self._flush()
+            self._writer.close()
