@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from pipeline.spec import EpisodeSpec, attempt_seed
 
@@ -73,9 +73,13 @@ class Recipe(BaseModel):
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", mode="before")
     @classmethod
-    def _listed(cls, value: Any) -> Any:
-        """A single value stands for a list of one; repeats are dropped, order is kept."""
+    def _listed(cls, value: Any, info: ValidationInfo) -> Any:
+        """A single value stands for a list of one; repeats are dropped, order is kept; only `tasks` may be empty (all of them)."""
         items = value if isinstance(value, list | tuple) else [value]
+        if not all(isinstance(item, str | int | float) for item in items):
+            raise ValueError("is not a list of names or numbers")
+        if not items and info.field_name != "tasks":
+            raise ValueError("is empty")
         return tuple(dict.fromkeys(items))
 
     def cells(self) -> list[Cell]:
@@ -117,11 +121,12 @@ def recipe_from(values: Mapping[str, Any], source: str = "recipe") -> Recipe:
     from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
     try:
-        recipe = Recipe(**values)
+        recipe = Recipe.model_validate(dict(values))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(p) for p in first["loc"][:1])
-        said = "is not a key of a recipe" if first["type"] == "extra_forbidden" else first["msg"].lower()
+        plain = first["msg"].removeprefix("Value error, ").lower()
+        said = "is not a key of a recipe" if first["type"] == "extra_forbidden" else plain
         raise RecipeError(f"{source}: {where} {said} (got {first['input']!r})") from error
     tasks = recipe.tasks if recipe.tasks and recipe.tasks != ("all",) else tuple(sorted(TASKS))
     for task in tasks:
@@ -140,6 +145,8 @@ def read_recipe(path: Path) -> dict[str, Any]:
         values = yaml.safe_load(path.read_text())
     except OSError as error:
         raise RecipeError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise RecipeError(f"{path}: is not text ({error.reason})") from error
     except yaml.YAMLError as error:
         raise RecipeError(f"{path}: is not YAML ({str(error).splitlines()[0]})") from error
     if not isinstance(values, dict):
