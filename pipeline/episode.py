@@ -224,7 +224,7 @@ def open_episode(path: Path) -> Iterator[EpisodeFile]:
 
 def decode(jpeg: bytes) -> NDArray[np.uint8]:
     """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no picture."""
-    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
     if bgr is None:
         raise EpisodeError("a frame does not decode as JPEG")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
