@@ -34,7 +34,10 @@ class Stream:
 
 
 class Actor:
-    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps side -> what it carries."""
+    """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps side -> what it carries.
+
+    `expected` maps a side to the joints its arm is about to have, while the other arm is planned to move at the same time.
+    """
 
     def __init__(
         self,
@@ -49,6 +52,7 @@ class Actor:
         self.simulation, self.recorder, self.bodies, self.arms = simulation, recorder, bodies, arms
         self.planner, self.rng, self.max_steps = planner, rng, step_limit * (PHYSICS_HZ // recorder.fps)
         self.held: dict[str, str] = {}
+        self.expected: dict[str, NDArray[np.float64]] = {}
         self.stream = Stream([], [])
         self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
         self._frames: dict[str, Frames] = {}

@@ -81,7 +81,8 @@ class Planner:
     def checker(
         self, actor: "Actor", side: str, ignore: Iterable[tuple[str, str]] = (), jaws: float | None = None, margin: float = 0.002
     ) -> Free:
-        """`free(q)` for one arm, joints (n,) or rows (K,n), among the bodies as they stand, the other arm at its command.
+        """`free(q)` for one arm, joints (n,) or rows (K,n), among the bodies as they stand, the other arm at its command, or
+        where `actor.expected` says it will be.
 
         `ignore` lists pairs (side or body, body) that may touch; `jaws` overrides the moving gripper's value.
         """
@@ -93,7 +94,8 @@ class Planner:
         values = {s: now[s][1] for s in SIDES}
         if jaws is not None:
             values[side] = jaws
-        return scene.free(side, now["right" if side == "left" else "left"][0], (values["left"], values["right"]))
+        other = "right" if side == "left" else "left"
+        return scene.free(side, actor.expected.get(other, now[other][0]), (values["left"], values["right"]))
 
     def arms_apart(self, left: NDArray[np.float64], right: NDArray[np.float64]) -> bool:
         """Whether the two arms, and table and furniture, keep clear of each other along rows (K,n) of both."""
@@ -118,13 +120,13 @@ class Planner:
         """Joints (K,n) that carry the tcp straight from q0 to `goal`, or None."""
         return ik_path(self.chains[side], line_poses(self.fk(side, q0), goal), q0)
 
-    def line_leg(self, actor: "Actor", side: str, goal: Pose, metres_per_second: float = 0.25) -> Leg:
+    def line_leg(self, actor: "Actor", side: str, goal: Pose, metres_per_second: float = 0.25, pace: float = 1.0) -> Leg:
         """A straight motion of the tcp from the command to `goal`. Raises PlanFailure("line_unreachable")."""
         path = self.line(side, actor.q(side), goal)
         if path is None:
             raise PlanFailure("line_unreachable", f"the {side} arm cannot go straight there")
         length = float(np.linalg.norm(goal[:3] - self.fk(side, actor.q(side))[:3]))
-        return self.timed(side, path, actor.gripper(side), minimum=length / metres_per_second)
+        return self.timed(side, path, actor.gripper(side), minimum=length / metres_per_second, speed=pace)
 
 
 @lru_cache(maxsize=4)

@@ -73,7 +73,11 @@ def grasp(
 
 
 def together(*skills: Skill) -> Skill:
-    """Skills of different arms beat by beat at the same time, legs stretched to end together. Raises PlanFailure("arms_collide")."""
+    """Skills of different arms beat by beat at the same time, legs stretched to end together.
+
+    Each arm is planned around where the others are about to be. Where two legs would still collide on the way, the arms take
+    turns for that beat; where that collides too, PlanFailure("arms_collide") is raised.
+    """
 
     def act(a: Actor) -> Iterator[Beat]:
         running = [skill(a) for skill in skills]
@@ -85,13 +89,31 @@ def together(*skills: Skill) -> Skill:
                     running.remove(one)
                 else:
                     beat |= planned
+                    a.expected |= {side: leg.q[-1] for side, leg in planned.items()}
+            a.expected.clear()
             if beat:
-                longest = max(len(leg.q) for leg in beat.values())
-                beat = {side: _stretched(leg, longest, a.q(side), a.gripper(side)) for side, leg in beat.items()}
-                _check_arms(a, beat)
-                yield beat
+                yield from _in_turns(a, beat)
 
     return act
+
+
+def _in_turns(a: Actor, beat: Beat) -> Iterator[Beat]:
+    longest = max(len(leg.q) for leg in beat.values())
+    at_once = {side: _stretched(leg, longest, a.q(side), a.gripper(side)) for side, leg in beat.items()}
+    if _arms_apart(a, at_once):
+        yield at_once
+        return
+    sides = list(beat)
+    for order in (sides, sides[::-1]):
+        if all(_arms_apart(a, {side: beat[side]} | {s: _end_of(beat[s]) for s in order[:i]}) for i, side in enumerate(order)):
+            for side in order:
+                yield {side: beat[side]}
+            return
+    raise PlanFailure("arms_collide", "the arms would touch each other")
+
+
+def _end_of(leg: Leg) -> Leg:
+    return Leg(leg.q[-1:], leg.qd[-1:], leg.gripper[-1:])
 
 
 def _stretched(leg: Leg, rows: int, q0: NDArray[np.float64], value: float) -> Leg:
@@ -115,14 +137,11 @@ def _stretched(leg: Leg, rows: int, q0: NDArray[np.float64], value: float) -> Le
     return Leg(np.stack(stretch, 1), np.stack(speeds, 1), np.interp(at, old, np.concatenate([[value], leg.gripper])))
 
 
-def _check_arms(a: Actor, beat: Beat) -> None:
-    if len(beat) < 2:
-        return
-    left, right = beat["left"].q, beat["right"].q
-    n = max(len(left), len(right))
-    rows = np.arange(0, n, 12)
-    if not a.planner.arms_apart(left[np.minimum(rows, len(left) - 1)], right[np.minimum(rows, len(right) - 1)]):
-        raise PlanFailure("arms_collide", "the arms would touch each other")
+def _arms_apart(a: Actor, beat: Beat) -> bool:
+    """Whether the arms keep clear of each other along a beat; an arm without a leg stands at its command."""
+    left, right = (beat[side].q if side in beat else a.q(side)[None] for side in ("left", "right"))
+    rows = np.append(np.arange(0, max(len(left), len(right)), 12), max(len(left), len(right)) - 1)
+    return a.planner.arms_apart(left[np.minimum(rows, len(left) - 1)], right[np.minimum(rows, len(right) - 1)])
 
 
 def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
@@ -298,10 +317,37 @@ def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: 
 
     def act(a: Actor) -> Iterator[Beat]:
         start = a.tcp(side)
-        goal = np.concatenate([start[:3] + (0, 0, rise), quat_multiply(start[3:], quat_about(axis, angle))])
+        goal = np.concatenate([start[:3] + np.array([0, 0, rise]), quat_multiply(start[3:], quat_about(axis, angle))])
         path = a.planner.line(side, a.q(side), goal)
         if path is None:
             raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far")
         yield {side: a.planner.timed(side, path, a.gripper(side), speed=speed)}
+
+    return act
+
+
+def shake(side: str, times: int, *, axes: Sequence[ArrayLike] = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), rise: float = 0.03) -> Skill:
+    """Swing the hand `times` times from side to side.
+
+    The first of `axes` (in the tcp frame) with room on both sides is taken, with the widest swing of 0.9 to 0.55 rad that fits.
+    """
+
+    def act(a: Actor) -> Iterator[Beat]:
+        start = a.tcp(side)
+        for angle in (0.9, 0.75, 0.65, 0.55):
+            for axis in axes:
+                ends = [
+                    compose(lifted(start, up), pose((0, 0, 0), quat_about(axis, sign * angle))) for sign, up in ((1, rise), (-1, 0))
+                ]
+                out = a.planner.line(side, a.q(side), ends[0])
+                across = None if out is None else a.planner.line(side, out[-1], ends[1])
+                if out is None or across is None:
+                    continue
+                yield {side: a.planner.timed(side, out, a.gripper(side), speed=2.0)}
+                for k in range(times):
+                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2], 10.0, pace=2.0)}
+                yield {side: a.planner.line_leg(a, side, start, 10.0, pace=2.0)}
+                return
+        raise PlanFailure("shake_unreachable", f"the {side} arm cannot swing its hand either way")
 
     return act

@@ -8,7 +8,8 @@ from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.clearance import Clearance
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure
-from pipeline.stages.stage_set import Stage
+from pipeline.stages.stage_set import FRAME_MARGIN, Stage
+from pipeline.tasks import middle
 from pipeline.world.cameras import cameras_of, visible
 
 TAIL = 0.25
@@ -17,21 +18,17 @@ TAIL = 0.25
 END_SPEED = 2.0
 """Times alpha: the fastest a target may be at the meeting, where the average bound of levels 2 and 3 allows any speed."""
 
-_FRAME_MARGIN = 4.0  # pixels
-
 
 def back_calculate(stage: Stage, dry: DryRun, *, camera: str, lead: float, speed_bound: str) -> TargetMotion:
     """Draw the target's motion. Raises Failure("back_calculate", "no_motion") when 1000 candidates are rejected."""
     spec, task = stage.spec, stage.task
     body = stage.bodies[task.target]
     head = cameras_of(stage.embodiment, camera)[0]
-    top = float(body.instance.shape().aabb()[1, 2])
+    half = middle(body.pose, body.instance) - body.pose[:3]
 
     def seen(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The frustum test of the head camera for the target's origin and top along each path."""
-        high = points + np.array([0, 0, top])
-        inside = visible(head.type, head.pose, points, _FRAME_MARGIN) & visible(head.type, head.pose, high, _FRAME_MARGIN)
-        return inside.all(-1)
+        """The frustum test of the head camera for the middle of the target along each path."""
+        return visible(head.type, head.pose, points + half, FRAME_MARGIN).all(-1)
 
     clearance = Clearance(stage, dry)
     try:

@@ -73,10 +73,7 @@ class Clearance:
         corners = np.concatenate([c for _, _, c in self._own])
         whole = transform(at[:, None], corners[None])
         near = ((self._low < whole.max(1)[:, None]) & (self._high > whole.min(1)[:, None])).all(-1)
-        for s, p in zip(*np.nonzero(near), strict=True):
-            if self._touches(int(s), int(p), at[s]):
-                return False
-        return True
+        return not any(self._touches(int(s), int(p), at[s]) for s, p in zip(*np.nonzero(near), strict=True))
 
     def _touches(self, s: int, p: int, target: NDArray[np.float64]) -> bool:
         piece = _placed(self._poses[s, p], self._pieces[p])

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.expert.actor import Actor
 from pipeline.expert.failure import PlanFailure
 from pipeline.expert.planner import planner_for
@@ -10,11 +13,15 @@ from pipeline.stages.failure import Failure
 from pipeline.tasks import TASKS, Task, place
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
+from pipeline.world.cameras import cameras_of, visible
 from pipeline.world.recorder import Recorder
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.simulation import Motion, Simulation
 from pipeline.world.state_log import StateLog
+
+FRAME_MARGIN = 4.0
+"""Pixels between the target and the border of the head camera's picture (D435) that count as seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +62,13 @@ def set_stage(spec: EpisodeSpec) -> Stage:
     """Lay out the scene of a spec; a pure function of it. Raises Failure("layout") where the bodies do not fit."""
     task = TASKS[spec.task]
     embodiment = get_embodiment(spec.embodiment)
+    head = cameras_of(embodiment)[0]
+
+    def in_view(point: NDArray[np.float64]) -> bool:
+        return bool(visible(head.type, head.pose, point, FRAME_MARGIN))
+
     try:
-        bodies = place(task, spec.rng("objects"), spec.rng("placement"))
+        bodies = place(task, spec.rng("objects"), spec.rng("placement"), in_view)
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
     return Stage(spec, task, embodiment, bodies, task.arms(bodies))

@@ -1,6 +1,6 @@
 """What a task is: a layout, a script in two halves and one success condition. docs/add_a_task.md walks through one."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -114,8 +114,16 @@ def side_of(body: Body) -> str:
     return "left" if body.pose[0] < 0 else "right"
 
 
-def place(task: Task, objects: np.random.Generator, placement: np.random.Generator, tries: int = 50) -> dict[str, Body]:
+def place(
+    task: Task,
+    objects: np.random.Generator,
+    placement: np.random.Generator,
+    in_view: Callable[[np.ndarray], bool] = lambda point: True,
+    tries: int = 50,
+) -> dict[str, Body]:
     """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
+
+    `in_view` is asked for the middle (3,) of the target, which the head camera must see at the manipulation pose.
 
     A layout that leaves no room for its last bodies is drawn again. Raises PlanFailure("layout") after `tries` layouts.
     """
@@ -123,7 +131,7 @@ def place(task: Task, objects: np.random.Generator, placement: np.random.Generat
     for _ in range(tries):
         bodies: dict[str, Body] = {}
         for p in task.layout(Draw(objects, placement)):
-            pose = _free_pose(p, bodies.values(), placement)
+            pose = _free_pose(p, bodies.values(), placement, in_view if p.name == task.target else None)
             if pose is None:
                 missing = p.name
                 break
@@ -137,11 +145,24 @@ def _family_name(instance: Family) -> str:
     return next(name for name, family in FAMILIES.items() if family is type(instance))
 
 
-def _free_pose(p: Placement, others: Iterable[Body], rng: np.random.Generator, tries: int = 20) -> np.ndarray | None:
+def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
+    """World point (3,) half way up a body: what the head camera must see of a target."""
+    return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])
+
+
+def _free_pose(
+    p: Placement,
+    others: Iterable[Body],
+    rng: np.random.Generator,
+    in_view: Callable[[np.ndarray], bool] | None,
+    tries: int = 20,
+) -> np.ndarray | None:
     box = p.instance.shape().aabb()
     for _ in range(tries):
         x, y = rng.uniform(*sorted(p.region.x)), rng.uniform(*p.region.y)
         pose = yawed((x, y, TABLE_TOP), rng.uniform(*p.region.yaw))
+        if in_view is not None and not in_view(middle(pose, p.instance)):
+            continue
         if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
             return pose
     return None

@@ -126,7 +126,7 @@ class Outcome:
         return self.touching(name, support) and self.at_rest(name) and not self.handled(name)
 
     def touched(self, side: str, name: str, point: str, *, plane: float, height: float) -> bool:
-        """Whether a finger of an arm ever touched a body within `plane` m horizontally (per axis) and `height` m of a named frame."""
+        """Whether a finger of an arm ever touched a body within `plane` m (x and y each) and `height` m of a named frame."""
         for finger in self.fingers(side):
             for row in self.contacts(finger, name):
                 d = np.abs(row["point"] - self.frame(name, point, int(row["frame"]))[:3])

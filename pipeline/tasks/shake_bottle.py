@@ -3,13 +3,11 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, lift, turn
+from pipeline.expert.skills import grasp, lift, shake
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
-
-TILT = 0.9
 
 
 @register
@@ -55,18 +53,7 @@ class ShakeBottle(Task):
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
         yield lift(arm, 0.12)
-        tilt = TILT if self._rolls_freely(a, arm) else -TILT
-        yield turn(arm, (1, 0, 0), tilt, rise=0.03)
-        for _ in range(3):
-            yield turn(arm, (1, 0, 0), -2 * tilt, rise=-0.03)
-            yield turn(arm, (1, 0, 0), 2 * tilt, rise=0.03)
-        yield turn(arm, (1, 0, 0), -tilt)
-
-    def _rolls_freely(self, a: Actor, arm: str) -> bool:
-        """Which way the last joint has more room: the swing begins there."""
-        chain = a.planner.chains[arm]
-        q = a.q(arm)[-1]
-        return bool(chain.upper[-1] - q > q - chain.lower[-1])
+        yield shake(arm, times=6)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         held = o.holds(arms["arm"], "bottle") and o.rise("bottle") > 0.05 and o.upright("bottle", 0.35)
