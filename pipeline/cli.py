@@ -1,18 +1,19 @@
 """The `domino-data` command: a thin table of verbs. Bad input ends with one line on stderr and exit code 2."""
 
-import os
-
-from pipeline.engine import SINGLE_THREAD, Stopped, pick_executor, stop_on_signal
-
-for _name, _value in SINGLE_THREAD.items():
-    os.environ.setdefault(_name, _value)
-
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from tqdm import tqdm
+
+from pipeline.engine import SINGLE_THREAD, Stopped, pick_executor, stop_on_signal
+
+# before numpy, numba or Mesa read them
+for _name, _value in SINGLE_THREAD.items():
+    os.environ.setdefault(_name, _value)
 
 from pipeline.dataset import Dataset, DatasetError
 from pipeline.manifest import Recipe, RecipeError, read_recipe, recipe_from
@@ -154,12 +155,14 @@ def plan(
     _, count = _executor("ray", workers)
     values = run_plan(recipe, Dataset(out) if out else None, count)
     lines = [
-        f"{c['task']:28} {c['embodiment']:14} L{c['level']} alpha {c['alpha']:g} {c['domain']:10} {c['finished']:5} of {c['episodes']}"
+        f"{c['task']:28} {c['embodiment']:14} L{c['level']} alpha {c['alpha']:g} {c['domain']:10} "
+        f"{c['finished']:5} of {c['episodes']}"
         for c in values["cells"]
     ]
     lines.append(
         f"{len(values['cells'])} cells, {values['slots']} slots, {values['finished']} finished; about "
-        f"{values['estimated_hours']:.2f} h on {count} workers and {values['estimated_bytes'] / 1e9:.2f} GB (from {values['estimate_from']})"
+        f"{values['estimated_hours']:.2f} h on {count} workers and {values['estimated_bytes'] / 1e9:.2f} GB "
+        f"(from {values['estimate_from']})"
     )
     _say(values, as_json, "\n".join(lines))
 
@@ -200,6 +203,7 @@ def export(
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help="lerobot, aloha or parquet.")],
     out: Annotated[Path | None, typer.Option(help="Where to write; DATASET/exports/NAME by default.")] = None,
+    workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a dataset in another format."""
@@ -213,7 +217,9 @@ def export(
     if not episodes:
         raise UsageError(f"{dataset} has no finished episodes to export")
     place = out or source.exports(format_)
-    values = EXPORTERS[format_](dataset, place, sorted(episodes))
+    speed = {"workers": pick_executor("ray", workers)[1]} if format_ == "lerobot" else {}
+    with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
+        values = EXPORTERS[format_](dataset, place, sorted(episodes), progress=bar.update, **speed)
     _say(values, as_json, f"{len(episodes)} episodes written to {place}")
 
 

@@ -14,17 +14,8 @@ from tqdm import tqdm
 
 EXECUTORS = ("auto", "inline", "ray")
 
-SINGLE_THREAD = {
-    name: "1"
-    for name in (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "LP_NUM_THREADS",
-        "OPENCV_FOR_THREADS_NUM",
-    )
-}
+_THREAD_LIMITS = "OMP_NUM_THREADS OPENBLAS_NUM_THREADS MKL_NUM_THREADS NUMBA_NUM_THREADS LP_NUM_THREADS OPENCV_FOR_THREADS_NUM"
+SINGLE_THREAD = dict.fromkeys(_THREAD_LIMITS.split(), "1")
 """One thread per worker; workers scale, threads inside one do not (docs/cluster.md)."""
 
 Work = Callable[[Any], Any]

@@ -15,7 +15,7 @@ BYTES_PER_EPISODE = 3.5e6
 
 
 def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any]:
-    """Cells with wanted and finished slots, and estimated hours and bytes of the rest (from the dataset's own record if it has one)."""
+    """Cells with wanted and finished slots; estimated hours and bytes of the rest, from the dataset's own record if it has one."""
     records = dict(dataset.records(recipe)) if dataset is not None and dataset.manifest.exists() else {}
     done = Counter(slot.cell for slot in records)
     seconds = [sum(row["seconds"] for row in r.attempts) for r in records.values() if r.accepted]
