@@ -5,21 +5,26 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.poses import Pose, compose, pose, quat_about
+from pipeline.poses import Pose, compose
 from pipeline.world.robots.contract import Arm, Joint, jaw_positions
 
 
-def joint_motion(joint: Joint, position: float) -> Pose:
-    """Pose (7,) of the moved child frame in the unmoved one, for a joint position in rad or m."""
+def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
+    """Poses (..., 7) of the moved child frame in the unmoved one, for joint positions (...) in rad or m."""
+    position = np.asarray(position, float)
+    axis = np.asarray(joint.axis, float)
+    moved = np.zeros((*position.shape, 7))
+    moved[..., 3] = 1.0
     if joint.kind == "revolute":
-        return pose(quaternion=quat_about(joint.axis, position))
-    if joint.kind == "prismatic":
-        return pose(np.asarray(joint.axis, float) * position)
-    return pose()
+        moved[..., 3] = np.cos(position / 2)
+        moved[..., 4:] = np.sin(position / 2)[..., None] * axis / np.linalg.norm(axis)
+    elif joint.kind == "prismatic":
+        moved[..., :3] = position[..., None] * axis
+    return moved
 
 
-def link_poses(arm: Arm, positions: Mapping[str, float]) -> dict[str, Pose]:
-    """World pose (7,) of every link by its local name, for joint positions (rad, m) by local joint name; missing ones are 0."""
+def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:
+    """World poses (..., 7) of every link by its local name, for joint positions (...) by local joint name; missing ones are 0."""
     poses = {root_link(arm): np.array(arm.base)}
     for joint in arm.joints:
         local = compose(joint.origin, joint_motion(joint, positions.get(joint.name, 0.0)))

@@ -27,8 +27,11 @@ from pipeline.world.robots.parts import dressed
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Collider
 
-PLACE = {"left": (-0.4, -0.65, 0.75), "right": (0.4, -0.65, 0.75)}
-HOME = (0.0, np.pi / 16, 0.0, -5 * np.pi / 6, 0.0, 2.941592653589793, np.pi / 4)  # RoboTwin 2.0 config.yml
+# benchmarks/base_placement.py, 2026-11-21: 1.00 of the arm's own half at pitch 30-60 degrees, 0.91 or more at 90, no link near
+# the head camera; RoboTwin's (0.4, -0.65, 0.75) reaches 0.86-0.95 and passes that camera within 12 cm in a third of the cells
+PLACE = {"left": (-0.44, -0.5, 0.55), "right": (0.44, -0.5, 0.55)}
+# Franka's ready pose with the hand tilted half a radian forward; RoboTwin's home would put the tool under the table from this base
+HOME = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2 + 0.5, np.pi / 4)
 
 # centre of the finger pads: Franka's published tool centre; the fingers end 9.5 mm further on
 TCP = tool_frame((0, 0, 0.1034), (0, 0, 1), (1, 0, 0))

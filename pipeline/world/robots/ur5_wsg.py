@@ -26,13 +26,15 @@ from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.robots.ur5_look import ur5_visuals
 from pipeline.world.shapes import Collider
 
-# RoboTwin has the left base 0.10 m lower than the right one in its config; both stand at the same height here
-PLACE = {"left": (-0.4, -0.65, 0.75), "right": (0.4, -0.65, 0.75)}
-HOME = (-1.5447, -1.5447, -1.5447, -1.5794, 1.5794, 0.0)
+# benchmarks/base_placement.py, 2026-11-21: 1.00 of the arm's own half at pitch 30-60 degrees, 0.99 or more at 90. RoboTwin's
+# (0.4, -0.65, 0.75), its left base 0.10 m lower in the config, reaches 1.00 and 0.86
+PLACE = {"left": (-0.45, -0.5, 0.75), "right": (0.45, -0.5, 0.75)}
+# mirrored tool poses: a UR5 has no mirror image, so the joint values differ
+HOME = {"left": (-1.43, -1.03, -2.19, -1.14, 1.52, 0.14), "right": (-0.93, -1.03, -2.18, -1.22, 1.36, 0.61)}
 
 FINGER_END = 0.1535  # along wsg_50_base_link z, m
 TCP = tool_frame((0, 0, FINGER_END - 0.018), (0, 0, 1), (0, 1, 0))
-CAMERA = wrist_camera(TCP)
+CAMERA = wrist_camera(TCP, 0.125, 0.1)  # further off than usual: the jaws open 10 cm wide
 CLOSED, OPENED = 0.0027, 0.055  # jaw travel from the middle, m; the pads meet at CLOSED
 
 H = 1.5707963267948966
@@ -107,7 +109,7 @@ def arm(side: str) -> Arm:
             80.0,
             0.3,
         ),
-        home=HOME,
+        home=HOME[side],
         camera=Mount("wsg_50_base_link", CAMERA),
         allowed_overlap=(
             ("base_link", "upper_arm_link"),  # 6 mm apart at every angle, the limits keep the upper arm above the base

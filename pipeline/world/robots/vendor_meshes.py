@@ -1,0 +1,226 @@
+"""Optional vendor meshes: check that a vendor's URDF is the robot we simulate, then keep its visuals in an assets directory.
+
+Physics never uses them: links, joints, masses and collision stay those of the spec; only `Link.visual` is replaced.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from pipeline.poses import compose, inverse, transform
+from pipeline.world.objects.surface import finish
+from pipeline.world.robots import MODELS, canonical_name
+from pipeline.world.robots.contract import Arm, Embodiment
+from pipeline.world.robots.forward import arm_limits, link_poses, root_link
+from pipeline.world.robots.parts import Visual
+from pipeline.world.robots.vendor_urdf import VendorMeshError, VendorRobot, VendorVisual, find_urdf, read_urdf
+from pipeline.world.shapes import Material, Mesh
+
+MAX_POSITION_ERROR = 0.005  # m: what a picture may be off
+MAX_ROTATION_ERROR = 0.02  # rad
+CONFIGURATIONS = 200
+TRIANGLES_PER_LINK = 1500
+PLAIN = (0.8, 0.8, 0.8)
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What was stored: triangles by link of the spec, links kept as they were, and the largest FK difference (mm, degrees)."""
+
+    name: str
+    urdf: str
+    position_error_mm: float
+    rotation_error_deg: float
+    triangles: dict[str, int]
+    kept: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """The report for a terminal."""
+        return [
+            f"{self.name}: kinematics of {self.urdf} differ by at most {self.position_error_mm:.3f} mm and "
+            f"{self.rotation_error_deg:.4f} deg over {CONFIGURATIONS} random configurations",
+            f"stored {len(self.triangles)} links, {sum(self.triangles.values())} triangles; "
+            f"kept our own shape of {', '.join(self.kept) or 'none'}",
+        ]
+
+
+def add_robot_meshes(name: str, directory: str | Path, assets_dir: str | Path) -> MeshReport:
+    """Check the URDF in `directory` (or at that path) against the spec of `name` and store its visual meshes below `assets_dir`.
+
+    Links are matched by the ends of their names (`fl_link6`, `fer_link6` and `panda_link6` all match the sixth link). Raises
+    VendorMeshError when a moving link has no counterpart, a file is missing or unreadable, or frames differ by more than 5 mm or
+    0.02 rad; nothing is stored then. Raises UnknownEmbodiment for an unknown name.
+    """
+    name = canonical_name(name)
+    if name not in MODELS:
+        raise VendorMeshError(f"{name!r} is a pair: add the meshes of each of its robots by itself")
+    arm = MODELS[name].arm("left")
+    robot = read_urdf(find_urdf(Path(directory)))
+    match = match_links(arm, robot)
+    position, rotation = kinematic_difference(arm, robot, match)
+    if position > MAX_POSITION_ERROR or rotation > MAX_ROTATION_ERROR:
+        raise VendorMeshError(
+            f"{robot.path}: not the {name} simulated here, link frames differ by up to {1e3 * position:.1f} mm and "
+            f"{np.degrees(rotation):.2f} deg over {CONFIGURATIONS} random configurations (allowed: 5 mm, 1.1 deg)"
+        )
+    visuals = {ours: load_visual(robot.visuals[theirs]) for ours, theirs in match.items() if robot.visuals[theirs]}
+    if not visuals:
+        raise VendorMeshError(f"{robot.path}: no link of it has a visual mesh")
+    kept = tuple(link.name for link in arm.links if link.visual and link.name not in visuals)
+    triangles = {link: sum(len(mesh.triangles) for mesh, _ in parts) for link, parts in visuals.items()}
+    report = MeshReport(name, robot.path.name, 1e3 * position, float(np.degrees(rotation)), triangles, kept)
+    _store(Path(assets_dir) / "robots" / name, visuals, report, robot.path)
+    return report
+
+
+def with_vendor_meshes(embodiment: Embodiment, assets_dir: str | Path) -> Embodiment:
+    """The embodiment with stored vendor visuals in place of ours, arm by arm; arms without stored meshes stay as they are."""
+    return replace(
+        embodiment, arms={side: _dressed(arm, Path(assets_dir) / "robots" / arm.model) for side, arm in embodiment.arms.items()}
+    )
+
+
+def match_links(arm: Arm, robot: VendorRobot) -> dict[str, str]:
+    """Vendor link by our link name, for the links that have a counterpart.
+
+    Raises VendorMeshError when the root link or a link of an arm joint has none.
+    """
+    common = _common_prefix([link.name for link in arm.links])
+    cores = {link.name: link.name.removeprefix(common) for link in arm.links}
+    joint_links = [joint.child for joint in arm.joints if joint.name in arm.arm_joints]
+    last = cores[joint_links[-1]]
+    prefixes = [v.removesuffix(last) for v in robot.links if v.endswith(last)]
+    complete = [p for p in prefixes if all(p + cores[n] in robot.links for n in (root_link(arm), *joint_links))]
+    if not complete:
+        missing = sorted(
+            c for c in (cores[n] for n in (root_link(arm), *joint_links)) if not any(v.endswith(c) for v in robot.links)
+        )
+        raise VendorMeshError(f"{robot.path}: no links that end in {', '.join(missing) or 'one set of ' + last + ' and its like'}")
+    # the aloha file holds four arms: take the front left one
+    prefix = min(complete, key=lambda p: (not p.startswith(("fl", "left")), len(p), p))
+    return {ours: prefix + core for ours, core in cores.items() if prefix + core in robot.links}
+
+
+def _common_prefix(names: Sequence[str]) -> str:
+    first, last = min(names), max(names)
+    same = (i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
+    return first[: next(same, len(first))]
+
+
+def kinematic_difference(arm: Arm, robot: VendorRobot, match: dict[str, str]) -> tuple[float, float]:
+    """Largest difference (m, rad) of the matched link frames, seen from the root link, over fixed random arm configurations."""
+    rng = np.random.default_rng(0)
+    moving = [joint for joint in arm.joints if joint.name in arm.arm_joints]
+    unlike = [j.child for j in moving if robot.parent_joint[match[j.child]].kind != j.kind]
+    if unlike:
+        raise VendorMeshError(f"{robot.path}: the joint above {', '.join(match[n] for n in unlike)} is no hinge")
+    home = inverse(arm.base)
+    lower, upper = arm_limits(arm).T
+    q = rng.uniform(lower, upper, (CONFIGURATIONS, len(moving))).T
+    ours = link_poses(arm, {joint.name: values for joint, values in zip(moving, q, strict=True)})
+    theirs = robot.link_poses(match[root_link(arm)], {match[joint.child]: values for joint, values in zip(moving, q, strict=True)})
+    position = rotation = 0.0
+    for link, vendor in match.items():
+        if vendor not in theirs:
+            raise VendorMeshError(f"{robot.path}: {vendor} does not hang below {match[root_link(arm)]}")
+        a, b = compose(home, ours[link]), theirs[vendor]
+        position = max(position, float(np.linalg.norm(a[..., :3] - b[..., :3], axis=-1).max()))
+        cosine = np.abs((a[..., 3:] * b[..., 3:]).sum(-1)).min()
+        rotation = max(rotation, 2 * float(np.arccos(min(1.0, cosine))))
+    return position, rotation
+
+
+def load_visual(parts: Sequence[VendorVisual]) -> Visual:
+    """Meshes (link frame, m) and materials of a vendor link, thinned so that the link has about 1500 triangles at most."""
+    surfaces = [(visual, *_surface(visual)) for visual in parts]
+    total = sum(len(faces) for _, _, faces, _ in surfaces)
+    loaded = []
+    for visual, points, faces, color in surfaces:
+        budget = max(50, TRIANGLES_PER_LINK * len(faces) // max(total, 1))
+        loaded.append((finish(*thinned(points, faces, budget)), Material(visual.color or color)))
+    return tuple(loaded)
+
+
+def thinned(points: NDArray[np.float64], faces: NDArray[np.int64], budget: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertex clustering: points (P,3) m snap to the means of the finest grid cells that leave `budget` of the faces (M,3)."""
+    facing = _area_vectors(points, faces)
+    area = float(np.linalg.norm(facing, axis=1).sum()) / 2
+    cell = 0.8 * np.sqrt(area / budget)  # cells of this size leave about 3 faces per budgeted one: a start on the fine side
+    kept, thin = points, faces
+    while len(thin) > budget:
+        cells = np.floor((points - points.min(0)) / cell).astype(np.int64)
+        _, group = np.unique(_packed(cells), return_inverse=True)
+        count = np.bincount(group)
+        kept = np.stack([np.bincount(group, points[:, k]) for k in range(3)], 1) / count[:, None]
+        thin = group[faces]
+        # collapsed and folded-over faces go
+        thin = thin[np.einsum("ij,ij->i", _area_vectors(kept, thin), facing) > 0]
+        # two faces on the same three cells are one face seen twice
+        thin = thin[np.unique(_packed(np.sort(thin, axis=1)), return_index=True)[1]]
+        cell *= 1.15
+    return kept, thin
+
+
+def _area_vectors(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Outward normals (M,3) with the length of twice the face's area."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
+def _packed(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """One integer per row (N,3) of numbers from 0 to 2^21."""
+    return (rows[:, 0] << 42) | (rows[:, 1] << 21) | rows[:, 2]
+
+
+def _surface(visual: VendorVisual) -> tuple[NDArray[np.float64], NDArray[np.int64], tuple[float, float, float]]:
+    try:
+        mesh = trimesh.load(visual.file, force="mesh", process=False)
+    except (ValueError, ImportError, KeyError, OSError, AttributeError) as error:
+        raise VendorMeshError(f"{visual.file}: not readable ({error}); convert it to .stl, .obj or .glb") from error
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise VendorMeshError(f"{visual.file}: holds no triangles")
+    points = transform(visual.origin, np.asarray(mesh.vertices, float) * visual.scale)
+    color = getattr(mesh.visual, "main_color", None)
+    r, g, b = PLAIN if color is None else (np.asarray(color, float)[:3] / 255).tolist()
+    return points, np.asarray(mesh.faces, np.int64), (r, g, b)
+
+
+def _store(folder: Path, visuals: dict[str, Visual], report: MeshReport, urdf: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, np.ndarray] = {}
+    for link, parts in visuals.items():
+        for i, (mesh, material) in enumerate(parts):
+            arrays |= {f"{link}/{i}/{key}": getattr(mesh, key) for key in ("vertices", "triangles", "normals")}
+            arrays[f"{link}/{i}/color"] = np.array(material.color)
+    notes = asdict(report) | {"urdf_sha256": hashlib.sha256(urdf.read_bytes()).hexdigest()}
+    _write(folder / "visuals.npz", lambda path: np.savez_compressed(path, **arrays))  # pyright: ignore[reportArgumentType]
+    _write(folder / "report.json", lambda path: path.write_text(json.dumps(notes, indent=2, sort_keys=True) + "\n"))
+
+
+def _write(path: Path, save) -> None:
+    """Write beside and rename, so that a reader never sees half a file."""
+    beside = path.with_name(f".{os.getpid()}.{path.name}")
+    save(beside)
+    beside.replace(path)
+
+
+def _dressed(arm: Arm, folder: Path) -> Arm:
+    path = folder / "visuals.npz"
+    if not path.is_file():
+        return arm
+    parts: dict[str, list[tuple[Mesh, Material]]] = {}
+    with np.load(path) as arrays:
+        for key in (k for k in arrays.files if k.endswith("/color")):
+            stem = key.removesuffix("color")
+            mesh = Mesh(*(arrays[stem + k] for k in ("vertices", "triangles", "normals")))
+            r, g, b = arrays[key].tolist()
+            parts.setdefault(stem.split("/")[0], []).append((mesh, Material((r, g, b))))
+    links = tuple(replace(link, visual=tuple(parts[link.name])) if link.name in parts else link for link in arm.links)
+    return replace(arm, links=links)

@@ -1,0 +1,107 @@
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.world.robots import MODELS, get_embodiment
+from pipeline.world.robots.urdf import arm_urdf
+from pipeline.world.robots.vendor_meshes import MAX_POSITION_ERROR, add_robot_meshes, thinned, with_vendor_meshes
+from pipeline.world.robots.vendor_urdf import VendorMeshError
+
+
+def vendor_package(
+    folder: Path, model: str, prefix: str = "", bump: float = 0.0, mesh: str = "package://vendor/meshes/part.stl"
+) -> Path:
+    """A vendor-like package: the spec's own URDF with a sphere as the visual of every link; `bump` (m) moves the third joint."""
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "urdf").mkdir()
+    trimesh.creation.icosphere(subdivisions=4, radius=50.0).export(folder / "meshes" / "part.stl")
+    root = ET.fromstring(arm_urdf(MODELS[model].arm("left"), prefix))
+    for link in root.findall("link"):
+        visual = ET.SubElement(link, "visual")
+        ET.SubElement(visual, "origin", xyz="0 0 0.01", rpy="0 0 0")
+        ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=mesh, scale="0.001 0.001 0.001")
+        ET.SubElement(ET.SubElement(visual, "material", name="paint"), "color", rgba="0.1 0.2 0.3 1")
+    origin = root.findall("joint")[2].find("origin")
+    assert origin is not None
+    x, y, z = (float(v) for v in str(origin.get("xyz")).split())
+    origin.set("xyz", f"{x} {y} {z + bump}")
+    (folder / "urdf" / "robot.urdf").write_text(ET.tostring(root, encoding="unicode"))
+    return folder
+
+
+@pytest.mark.parametrize("model, prefix", [("aloha-agilex", "fl_"), ("franka-panda", ""), ("ur5-wsg", "x/")])
+def test_a_matching_robot_is_stored_and_used(tmp_path, model, prefix):
+    package = vendor_package(tmp_path / "vendor", model, prefix)
+    report = add_robot_meshes(model, package, tmp_path / "assets")
+    assert report.position_error_mm < 1e-6 and report.rotation_error_deg < 1e-5
+    assert report.kept == ()
+    plain = get_embodiment(model)
+    dressed = with_vendor_meshes(plain, tmp_path / "assets")
+    for before, after in zip(plain.arms["right"].links, dressed.arms["right"].links, strict=True):
+        assert after.collision is before.collision and after.mass == before.mass
+        ((mesh, material),) = after.visual
+        assert material.color == (0.1, 0.2, 0.3)
+        # the 5 cm sphere of the file, in millimetres there, 1 cm up, thinned from 5120 triangles
+        assert len(mesh.triangles) == report.triangles[after.name] <= 1500
+        np.testing.assert_allclose(np.linalg.norm(mesh.vertices - [0, 0, 0.01], axis=1), 0.05, atol=2e-3)
+        assert np.einsum("ij,ij->i", mesh.normals, mesh.vertices - [0, 0, 0.01]).min() > 0.04
+
+
+def test_the_name_prefix_of_another_generation_matches(tmp_path):
+    package = vendor_package(tmp_path / "vendor", "franka-panda")
+    path = package / "urdf" / "robot.urdf"
+    path.write_text(path.read_text().replace("panda_", "fer_"))
+    assert len(add_robot_meshes("panda", path, tmp_path).triangles) == 12
+
+
+def test_small_differences_are_measured_and_large_ones_refused(tmp_path):
+    report = add_robot_meshes("piper", vendor_package(tmp_path / "a", "piper", bump=0.003), tmp_path / "assets")
+    assert report.position_error_mm == pytest.approx(3.0, abs=1e-6)
+    assert "3.000 mm" in report.lines()[0]
+    with pytest.raises(VendorMeshError, match=r"not the piper simulated here.* 8\.0 mm"):
+        add_robot_meshes("piper", vendor_package(tmp_path / "b", "piper", bump=0.008), tmp_path / "other")
+    assert MAX_POSITION_ERROR == 0.005
+    assert not (tmp_path / "other").exists()
+
+
+def test_the_wrong_robot_is_refused(tmp_path):
+    arx = vendor_package(tmp_path / "arx", "arx-x5")
+    with pytest.raises(VendorMeshError, match="not the piper simulated here"):
+        add_robot_meshes("piper", arx, tmp_path)
+    with pytest.raises(VendorMeshError, match="no links that end in link0"):
+        add_robot_meshes("panda", arx, tmp_path)
+    # the aloha front arms are within 15 mm of the X5, which is not close enough for a picture
+    with pytest.raises(VendorMeshError, match="not the aloha-agilex simulated here"):
+        add_robot_meshes("aloha", arx, tmp_path)
+
+
+def test_bad_files_are_named(tmp_path):
+    with pytest.raises(VendorMeshError, match=r"expected one \.urdf, found none"):
+        add_robot_meshes("piper", tmp_path, tmp_path)
+    missing = vendor_package(tmp_path / "m", "piper", mesh="package://vendor/meshes/gone.stl")
+    with pytest.raises(VendorMeshError, match=r"gone\.stl.*not found"):
+        add_robot_meshes("piper", missing, tmp_path)
+    pointer = vendor_package(tmp_path / "p", "piper")
+    (pointer / "meshes" / "part.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
+    with pytest.raises(VendorMeshError, match="git lfs pull"):
+        add_robot_meshes("piper", pointer, tmp_path)
+    (pointer / "urdf" / "robot.urdf").write_text("<robot><link></robot>")
+    with pytest.raises(VendorMeshError, match="XML"):
+        add_robot_meshes("piper", pointer, tmp_path)
+    (pointer / "urdf" / "robot.urdf").write_text('<robot xmlns:xacro="http://ros.org/xacro"><xacro:include filename="a"/></robot>')
+    with pytest.raises(VendorMeshError, match="xacro"):
+        add_robot_meshes("piper", pointer, tmp_path)
+    with pytest.raises(VendorMeshError, match="each of its robots"):
+        add_robot_meshes("piper+panda", pointer, tmp_path)
+
+
+def test_thinning_keeps_the_shape_within_a_cell():
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
+    points, faces = thinned(np.asarray(sphere.vertices), np.asarray(sphere.faces, np.int64), 800)
+    assert 300 < len(faces) <= 800
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.1, rtol=0.05)
+    small = trimesh.Trimesh(points, faces, process=False)
+    assert small.volume == pytest.approx(sphere.volume, rel=0.06)
