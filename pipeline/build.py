@@ -39,7 +39,7 @@ def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool =
     todo = [slot for slot in slots if dataset.finished(recipe, slot) is None]
     progress = Progress(len(slots), len(slots) - len(todo), quiet)
     try:
-        jobs = (SlotJob(str(root), recipe, slot) for slot in todo)
+        jobs = (SlotJob(str(root), recipe, slot, code_version()) for slot in todo)
         for _, record in run(fill_slot, jobs, executor, workers):
             progress.add(record.attempts)
     finally:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.dataset import Dataset, SlotRecord, code_version, file_hash, slot_key, write_atomic
+from pipeline.dataset import Dataset, DatasetError, SlotRecord, code_version, file_hash, slot_key, write_atomic
 from pipeline.episode import Episode, write_episode
 from pipeline.manifest import Recipe, Slot
 from pipeline.motion.target_motion import TargetMotion
@@ -24,11 +24,12 @@ from pipeline.tasks.language import instructions
 
 @dataclass(frozen=True)
 class SlotJob:
-    """What a worker is sent: where the dataset is, its recipe, and which slot to fill."""
+    """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's code version."""
 
     root: str
     recipe: Recipe
     slot: Slot
+    code: str
 
 
 class Phases:
@@ -109,7 +110,12 @@ def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
 
 
 def fill_slot(job: SlotJob) -> SlotRecord:
-    """Try seeds until one is accepted or the budget is spent; write the episode and the ledger entry."""
+    """Try seeds until one is accepted or the budget is spent; write the episode and the ledger entry.
+
+    Raises DatasetError on a worker whose code is not the driver's: its episodes would carry a key that is not theirs.
+    """
+    if job.code != code_version():
+        raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     dataset, recipe, slot = Dataset(Path(job.root)), job.recipe, job.slot
     phases, rows, sha = Phases(), list[dict[str, Any]](), ""
     path = dataset.episode(slot)
