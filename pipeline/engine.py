@@ -60,7 +60,11 @@ def _run_on_ray(work: Work, jobs: Iterable[Any], workers: int) -> Iterator[tuple
             for done in ray.wait(list(pending), num_returns=1)[0]:
                 actor, finished = pending.pop(done)
                 idle.append(actor)
-                yield finished, ray.get(done)
+                try:
+                    result = ray.get(done)
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from None
+                yield finished, result
     finally:
         ray.shutdown()
 
