@@ -70,7 +70,7 @@ class Outcome:
 
     def upright(self, name: str, tolerance: float = 0.26) -> bool:
         """Whether a body's z axis is within `tolerance` rad of the vertical."""
-        return float(quat_rotate(self.pose(name)[3:], [0, 0, 1.0])[2]) > np.cos(tolerance)
+        return bool(quat_rotate(self.pose(name)[3:], [0, 0, 1.0])[2] > np.cos(tolerance))
 
     def turned(self, name: str) -> float:
         """Angle (rad) between a body's first and last orientation."""

@@ -1,0 +1,176 @@
+"""Every question of `Outcome` against logs made by hand: once where the answer is yes, once where it is no."""
+
+import numpy as np
+import pytest
+
+from pipeline.poses import compose, pose, quat_about, yawed
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects import FAMILIES
+from pipeline.world.robots import get_embodiment
+from pipeline.world.state_log import CONTACT_DTYPE, Event, StateLog
+
+ROBOT = get_embodiment("aloha-agilex")
+FINGERS = tuple(f"{side}_{f}" for side in ("left", "right") for f in ROBOT.arms[side].gripper.fingers)
+NAMES = ("can", "plate", *FINGERS, "left_link1", "table")
+FRAMES = 10
+CAN, PLATE = (FAMILIES[f].draw(np.random.default_rng(0)) for f in ("can", "plate"))
+BODIES = {
+    "can": Body("can", "can", CAN, yawed((0.1, 0, TABLE_TOP), 0.3)),
+    "plate": Body("plate", "plate", PLATE, yawed((0.2, 0.1, TABLE_TOP), 0)),
+}
+
+
+def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=()):
+    """An outcome of ten frames at 15 Hz. `can` (10,7) poses; contacts (frame, a, b, point); gripper (left, right) at the end."""
+    poses = np.zeros((FRAMES, len(NAMES), 7))
+    poses[..., 3] = 1
+    poses[:, 0] = BODIES["can"].pose if can is None else can
+    poses[:, 1] = BODIES["plate"].pose
+    vector = ROBOT.vector_names
+    state = np.zeros((FRAMES, len(vector)))
+    state[-1, [vector.index("left_gripper"), vector.index("right_gripper")]] = gripper
+    rows = [(frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point) for frame, a, b, point in contacts]
+    log = StateLog(
+        times=np.arange(FRAMES) / 15,
+        bodies=NAMES,
+        poses=poses,
+        joints=(),
+        qpos=np.zeros((FRAMES, 0)),
+        qvel=np.zeros((FRAMES, 0)),
+        vector_names=vector,
+        state=state,
+        action=state,
+        tcp=np.zeros((FRAMES, 2, 7)),
+        target_velocity=np.zeros((FRAMES, 3)),
+        contacts=np.array(rows, CONTACT_DTYPE),
+        events=[Event(name, time) for name, time in events],
+    )
+    return Outcome(log, BODIES, ROBOT, "can")
+
+
+def path(*points, turn=None):
+    """Poses (10,7) from x, y, z offsets, the last one kept; `turn` (10,) angles about x."""
+    out = np.repeat(BODIES["can"].pose[None], FRAMES, 0)
+    for frame, offset in enumerate(points):
+        out[frame:, :3] = BODIES["can"].pose[:3] + offset
+    if turn is not None:
+        out[:, 3:] = [compose(p, pose((0, 0, 0), quat_about((1, 0, 0), a)))[3:] for p, a in zip(out, turn, strict=True)]
+    return out
+
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def test_frames_ride_on_their_body():
+    o = outcome(path((0, 0, 0), (0, 0, 0.1)))
+    top = CAN.frames()["top"]
+    for frame in (0, 1, -1):
+        np.testing.assert_allclose(o.frame("can", "top", frame), compose(o.pose("can", frame), top))
+    np.testing.assert_allclose(o.offset(o.frame("can", "top"), o.pose("can")), [0, 0, top[2]], atol=1e-12)
+    with pytest.raises(KeyError, match="no frame"):
+        o.frame("can", "lid")
+
+
+def test_rise_is_measured_from_where_the_body_began():
+    o = outcome(path((0, 0, 0.01), (0, 0, 0.31), (0, 0, 0.06)))
+    assert o.rise("can") == pytest.approx(0.05)
+    assert o.highest_rise("can") == pytest.approx(0.30)
+    assert o.rise("plate") == o.highest_rise("plate") == 0
+
+
+@pytest.mark.parametrize(("tilt", "yes"), [(0.0, True), (0.25, True), (0.27, False), (-0.27, False), (np.pi, False)])
+def test_upright(tilt, yes):
+    assert outcome(path(turn=np.full(FRAMES, tilt))).upright("can") is yes
+
+
+def test_turned_is_the_angle_from_first_to_last():
+    assert outcome(path(turn=np.linspace(0, 0.8, FRAMES))).turned("can") == pytest.approx(0.8)
+    assert outcome(path(turn=np.full(FRAMES, 0.8))).turned("can") == pytest.approx(0, abs=1e-6)
+
+
+def test_at_rest_looks_at_the_last_three_intervals_only():
+    early, late = np.zeros((FRAMES, 3)), np.zeros((FRAMES, 3))
+    early[:7, 0] = 0.1 * np.arange(7)
+    early[7:, 0] = early[6, 0]
+    early[6] = early[7]
+    late[7:, 0] = [0.004, 0.008, 0.012]  # 0.06 m/s
+    assert outcome(path(*early)).at_rest("can")
+    assert not outcome(path(*late)).at_rest("can")
+    assert outcome(path(*late)).at_rest("can", speed=0.07)
+    assert not outcome().until(3).at_rest("can")
+
+
+def test_openings_are_the_measured_ones():
+    o = outcome(gripper=(0.3, 0.9))
+    assert (o.opening("left"), o.opening("right")) == (0.3, 0.9)
+    assert not o.grippers_open()
+    assert outcome(gripper=(0.81, 0.9)).grippers_open()
+
+
+def test_contacts_are_found_in_either_order_and_in_the_last_frames():
+    o = outcome(contacts=[(2, "can", "plate", ORIGIN), (8, "table", "can", ORIGIN)])
+    assert o.contacts("plate", "can")["frame"].tolist() == [2]
+    assert o.contacts("can", "table")["frame"].tolist() == [8]
+    assert o.touching("can", "table")
+    assert not o.touching("can", "plate")
+    assert o.touching("can", "plate", last=8)
+    assert not o.touching("plate", "table")
+
+
+def test_holding_takes_both_fingers_of_the_arm_now():
+    left = [(9, f, "can", ORIGIN) for f in FINGERS[:2]]
+    assert outcome(contacts=left).holds("left", "can")
+    assert not outcome(contacts=left).holds("right", "can")
+    assert not outcome(contacts=left[:1]).holds("left", "can")
+    assert not outcome(contacts=[(5, f, "can", ORIGIN) for f in FINGERS[:2]]).holds("left", "can")
+    assert outcome(contacts=[(8, FINGERS[0], "can", ORIGIN), (9, FINGERS[1], "can", ORIGIN)]).holds("left", "can")
+
+
+def test_handled_is_any_link_of_any_arm():
+    assert outcome(contacts=[(9, "left_link1", "can", ORIGIN)]).handled("can")
+    assert not outcome(contacts=[(9, "plate", "can", ORIGIN), (9, "table", "can", ORIGIN)]).handled("can")
+    assert not outcome(contacts=[(3, "left_link1", "can", ORIGIN)]).handled("can")
+
+
+def test_resting_on_something_takes_touch_rest_and_no_hand():
+    touch = [(9, "can", "plate", ORIGIN)]
+    assert outcome(contacts=touch).rests_on("can", "plate")
+    assert not outcome(contacts=touch).rests_on("can", "table")
+    assert not outcome(contacts=[*touch, (9, FINGERS[0], "can", ORIGIN)]).rests_on("can", "plate")
+    moving = path(*np.linspace((0, 0, 0), (0.1, 0, 0), FRAMES))
+    assert not outcome(moving, contacts=touch).rests_on("can", "plate")
+
+
+@pytest.mark.parametrize(
+    ("offset", "yes"),
+    [((0, 0, 0), True), ((0.019, -0.019, 0.009), True), ((0.021, 0, 0), False), ((0, 0.021, 0), False), ((0, 0, 0.011), False)],
+)
+def test_touched_measures_from_the_frame_where_the_body_was_then(offset, yes):
+    moving = path(*np.linspace((0, 0, 0), (0.2, 0, 0), FRAMES))
+    there = outcome(moving).frame("can", "top", 4)[:3] + offset
+    o = outcome(moving, contacts=[(4, FINGERS[1], "can", there)])
+    assert o.touched("left", "can", "top", plane=0.02, height=0.01) is yes
+    assert not o.touched("right", "can", "top", plane=0.02, height=0.01)
+
+
+def test_swings_count_only_crossings_between_far_sides():
+    assert outcome(path(turn=[0, 0.6, 0, -0.6, 0, 0.6, 0.2, -0.6, 0, 0])).swings("can", 0.4) == 3
+    assert outcome(path(turn=[0, 0.6, 0, 0.6, 0, 0.6, 0, 0.6, 0, 0])).swings("can", 0.4) == 0
+    assert outcome(path(turn=[0, 0.3, 0, -0.3, 0, 0.3, 0, -0.3, 0, 0])).swings("can", 0.4) == 0
+    assert outcome().swings("can", 0.4) == 0
+
+
+def test_an_episode_can_be_cut():
+    o = outcome(
+        path((0, 0, 0), (0, 0, 0.1), (0, 0, 0.2)),
+        contacts=[(1, "can", "plate", ORIGIN), (5, "can", "table", ORIGIN)],
+        events=[("meeting", 1 / 15), ("release", 0.5)],
+    )
+    cut = o.until(2)
+    assert len(cut.log) == 2
+    assert cut.rise("can") == pytest.approx(0.1)
+    assert cut.touching("can", "plate")
+    assert not len(cut.contacts("can", "table"))
+    assert [e.name for e in cut.log.events] == ["meeting"]
+    assert o.until(FRAMES).rise("can") == o.rise("can")
