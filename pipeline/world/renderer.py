@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,12 +29,15 @@ Parts = Sequence[tuple[Mesh, Material]]
 
 @dataclass(frozen=True)
 class Preset:
-    """How to draw: a shader folder of ours or the name of a stock one, its colour target, shadows, samples per pixel."""
+    """How to draw: a shader folder of ours or the name of a stock one, its colour target, shadows, samples per pixel.
+
+    `samples` are edge samples of the raster presets and paths of ray tracing.
+    """
 
     shader: str
     target: str = "Picture"
     shadow: bool = True
-    samples: int = 0
+    samples: int = 1
 
     @property
     def stock(self) -> bool:
@@ -44,6 +48,7 @@ class Preset:
 PRESETS: dict[str, Preset] = {
     "raster": Preset("raster"),
     "raster-fast": Preset("raster", shadow=False),
+    "raster-smooth": Preset("raster", samples=4),
     "rt": Preset("rt", "Color", samples=32),
     "sapien-default": Preset("default", "Color"),
     "sapien-minimal": Preset("minimal", "Color"),
@@ -90,7 +95,7 @@ class Renderer:
             if parts:
                 self._bodies[name] = self._add(parts, i + 1)
         self._add([*table_parts(visuals), *fixed], BACKGROUND)
-        self._add(shell_parts(visuals), CASTS_NOTHING)
+        self._add(shell_parts(visuals, closed=self._preset.shader != "rt"), CASTS_NOTHING)
 
     def __enter__(self) -> Self:
         return self
@@ -156,19 +161,18 @@ class Renderer:
         )
 
     def _shoot(self, view: View, k: int, truth: bool) -> None:
-        ours = not self._preset.stock
-        lens = self._lens(view.camera.type, "raster_masks" if truth and ours else self._preset.shader)
-        lens.entity.set_pose(self._pose(view.poses[k]))
-        masks = None
-        if truth:
-            masks = lens if ours else self._lens(view.camera.type, "raster_masks")
-            masks.entity.set_pose(self._pose(view.poses[k]))
+        # Masks must not be blended at edges: they come from the same pass only where that has one sample per pixel.
+        together = not self._preset.stock and self._preset.samples == 1
+        lens = self._lens(view.camera.type, "raster_masks" if truth and together else self._preset.shader)
+        masks = lens if together or not truth else self._lens(view.camera.type, "raster_masks")
+        for used in (lens, masks):
+            used.entity.set_pose(self._pose(view.poses[k]))
         self._scene.update_render()
         lens.take_picture()
-        picture = lens.get_picture(self._preset.target if self._preset.stock else "Picture")[..., :3]
-        view.rgb[k] = picture if picture.dtype == np.uint8 else np.rint(np.clip(picture, 0, 1) * 255)
-        if masks is None:
-            return
+        picture = lens.get_picture(self._preset.target)
+        if picture.dtype != np.uint8:
+            picture = np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
+        cv2.cvtColor(picture, cv2.COLOR_RGBA2RGB, dst=view.rgb[k])
         if masks is not lens:
             masks.take_picture()
         if view.depth is not None:
@@ -180,13 +184,14 @@ class Renderer:
         """The camera component that draws pictures of this type; made at its first use and shared by cameras of the same type."""
         if (kind, shader) not in self._lenses:
             render = self._sapien.render
-            folder = (
-                SHADERS / shader if (SHADERS / shader).is_dir() else Path(self._sapien.__file__).parent / "vulkan_shader" / shader
-            )
+            own = SHADERS / shader
+            folder = own if own.is_dir() else Path(self._sapien.__file__).parent / "vulkan_shader" / shader
             if shader == "rt":
                 render.set_ray_tracing_samples_per_pixel(self._preset.samples)
                 render.set_ray_tracing_path_depth(8)
                 render.set_ray_tracing_denoiser("none")
+            # The engine reads this setting when a camera is made, so it may differ between cameras.
+            render.set_msaa(self._preset.samples if shader == "raster" else 1)
             lens = render.RenderCameraComponent(kind.width, kind.height, str(folder))
             lens.set_fovy(np.radians(kind.fovy))
             lens.near, lens.far = NEAR, FAR

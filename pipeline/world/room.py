@@ -75,8 +75,11 @@ def table_parts(visuals: Visuals) -> list[tuple[Mesh, Material]]:
     return [(top, surface_material(visuals.table, 0.45)), (legs, Material((0.34, 0.34, 0.36), 0.5))]
 
 
-def shell_parts(visuals: Visuals) -> list[tuple[Mesh, Material]]:
-    """Floor, back wall, and the plain walls and ceiling around: surfaces that receive shadows and cast none."""
+def shell_parts(visuals: Visuals, closed: bool = True) -> list[tuple[Mesh, Material]]:
+    """Floor and back wall, and where `closed` the plain walls and ceiling around: they receive shadows and cast none.
+
+    Ray tracing lets light in from outside only, so it needs the room open.
+    """
     (x0, y0, z0), (x1, y1, z1) = ROOM
     w, d, h = x1 - x0, y1 - y0, z1 - z0
     others = merge(
@@ -87,8 +90,8 @@ def shell_parts(visuals: Visuals) -> list[tuple[Mesh, Material]]:
             quad((x0, y1, z1), (w, 0, 0), (0, -d, 0), 1.0),
         ]
     )
-    return [
+    parts = [
         (quad((x0, y1, z0), (w, 0, 0), (0, 0, h), visuals.wall.tile), surface_material(visuals.wall, 0.85)),
         (quad((x0, y0, z0), (w, 0, 0), (0, d, 0), visuals.ground.tile), surface_material(visuals.ground, 0.7)),
-        (others, Material(visuals.wall.color, 0.9)),
     ]
+    return [*parts, (others, Material(visuals.wall.color, 0.9))] if closed else parts
