@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.episode import EpisodeFile, View
+from pipeline.dataset import code_version
+from pipeline.episode import EpisodeError, EpisodeFile, View
 from pipeline.stages.stage_set import Stage, set_stage
-from pipeline.world.cameras import cameras_of
+from pipeline.world.cameras import CAMERA_TYPES, cameras_of
 from pipeline.world.renderer import Renderer
 from pipeline.world.robots.contract import SIDES
 from pipeline.world.state_log import StateLog
@@ -39,18 +40,18 @@ def render(
         return renderer.render(poses, depth=depth, segmentation=segmentation)
 
 
-def render_episode(
-    path: Path,
-    *,
-    camera: str = "D435",
-    preset: str = "raster",
-    depth: bool = True,
-    segmentation: bool = True,
-    only: Sequence[str] | None = None,
-) -> dict[str, View]:
-    """Render a stored episode again from its state log: views by camera name. Needs the code version it was made with."""
+def rerender(path: Path, camera: str) -> View:
+    """One camera of a stored episode again, with depth and segmentation, from its state log and its own look.
+
+    Raises EpisodeError when the episode was made by another version of the code, whose scene this one may not rebuild.
+    """
     with EpisodeFile(path) as file:
         episode = file.read()
+        shape = file.rgb(camera, 0).shape
+    if episode.meta["code_version"] != code_version():
+        raise EpisodeError(f"{path}: was made by another code version, so its scene cannot be drawn again exactly")
+    size = next(name for name, kind in CAMERA_TYPES.items() if (kind.height, kind.width) == shape[:2])
+    look = Visuals.from_json(episode.meta["visuals"])
     stage = set_stage(episode.spec)
-    views = render(stage, episode.log, camera=camera, preset=preset, depth=depth, segmentation=segmentation, only=only)
-    return {view.camera.name: view for view in views}
+    views = render(stage, episode.log, camera=size, depth=True, segmentation=True, only=[camera], visuals=look)
+    return views[0]

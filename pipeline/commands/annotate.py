@@ -1,0 +1,71 @@
+"""annotate: flow maps, masks and object features, computed once per frame and kept by key."""
+
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import AsJson, Root, UsageError, executor_of, listed, say
+
+
+def annotate(
+    dataset: Root,
+    stages: Annotated[str, typer.Option(help="flow, masks, features; comma separated.")] = "flow,masks,features",
+    where: Annotated[str | None, typer.Option(help='Which episodes, e.g. "level=3 and task=click_bell".')] = None,
+    cameras: Annotated[str, typer.Option(help="Cameras, comma separated.")] = "head_camera",
+    flow_source: Annotated[str, typer.Option(help="farneback (pictures) or sim (exact).")] = "farneback",
+    flow_stride: Annotated[int, typer.Option(help="Frames between the two pictures of a pair.")] = 4,
+    flow_size: Annotated[str, typer.Option(help="Width x height of the flow map.")] = "64x64",
+    normalisation: Annotated[str, typer.Option(help="per_map, shared or fixed scale of the flow colours.")] = "per_map",
+    winsize: Annotated[int, typer.Option(help="Farneback window size.")] = 15,
+    mask_source: Annotated[str, typer.Option(help="model (GroundingDINO + SAM 2) or sim (exact).")] = "model",
+    prompt: Annotated[str, typer.Option(help="metadata, description or instruction.")] = "metadata",
+    detector: Annotated[str, typer.Option(help="GroundingDINO: hub id, local directory or short name.")] = "grounding-dino-tiny",
+    segmenter: Annotated[str, typer.Option(help="SAM 2: hub id, local directory or short name.")] = "sam2.1-hiera-large",
+    encoder: Annotated[str, typer.Option(help="DINOv2 or DINOv3: hub id, local directory or short name.")] = "dinov2-base",
+    device: Annotated[str, typer.Option(help="cpu, cuda or auto.")] = "auto",
+    executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
+    workers: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write nothing.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Bring the annotations of a dataset up to date."""
+    from pipeline.annotate.flow import Colour, Farneback
+    from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
+    from pipeline.annotate.runner import annotate as run
+    from pipeline.stages.render import rerender
+
+    try:
+        width, height = (int(part) for part in flow_size.split("x"))
+    except ValueError as error:
+        raise UsageError(f"--flow-size {flow_size!r} is not WIDTHxHEIGHT, e.g. 64x64") from error
+    flow = FlowOptions(flow_source, flow_stride, (width, height), Farneback(winsize=winsize), Colour(normalisation=normalisation))
+    options = AnnotateOptions(
+        tuple(listed(cameras) or ()),
+        flow,
+        MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter),
+        FeatureOptions(encoder=encoder),
+    )
+    name, count = executor_of(executor, workers)
+    values = run(
+        dataset,
+        tuple(listed(stages) or ()),
+        options=options,
+        where=where,
+        dry_run=dry_run,
+        workers=count,
+        executor=name,
+        progress=not as_json,
+        render=rerender,
+        device=device,
+    )
+    lines = []
+    for s in values["stages"]:
+        lines.append(
+            f"{s['name']:9} {s['computed']} computed, {s['reused']} reused, {s['invalid']} invalid, {s['failed']} failed, "
+            f"{s['waiting']} waiting; hit rate {100 * s['hit_rate']:.0f} %, {s['seconds']:.1f} s"
+        )
+        lines += [f"  {p}" for p in s["problems"][:5]]
+        lines += [f"  {p['episode']}: {p['action']} ({p['reason']})" for p in s.get("plan", [])]
+    say(values, as_json, "\n".join(lines))
+    if any(s["failed"] for s in values["stages"]):
+        raise typer.Exit(1)

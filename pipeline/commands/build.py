@@ -1,0 +1,98 @@
+"""build and plan: make a dataset, or say what making it would take."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import (
+    Alpha,
+    AsJson,
+    Attempts,
+    Domains,
+    Embodiment,
+    Episodes,
+    Executor,
+    Levels,
+    Manifest,
+    Render,
+    Seed,
+    Tasks,
+    Workers,
+    executor_of,
+    recipe_of,
+    say,
+)
+from pipeline.dataset import Dataset
+from pipeline.engine import Stopped, stop_on_signal
+
+
+def build(
+    manifest: Manifest = None,
+    tasks: Tasks = None,
+    embodiment: Embodiment = None,
+    levels: Levels = None,
+    domains: Domains = None,
+    alpha: Alpha = None,
+    episodes: Episodes = None,
+    seed: Seed = None,
+    attempts: Attempts = None,
+    render: Render = None,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    out: Annotated[Path, typer.Option(help="The dataset directory; the same command again goes on where it stopped.")] = Path(
+        "OUT"
+    ),
+    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Make a dataset, or go on making it."""
+    from pipeline.build import build as run_build
+
+    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render)
+    name, count = executor_of(executor, workers)
+    stop_on_signal()
+    try:
+        result = run_build(out, recipe, name, count, quiet)
+    except Stopped:
+        print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
+        raise typer.Exit(130) from None
+    say(
+        result.__dict__,
+        as_json,
+        f"{result.accepted} of {result.slots} episodes in {out} ({result.made} slots worked on now, {result.given_up} given up, "
+        f"{result.attempts} attempts); pictures: {Dataset(out).report}",
+    )
+
+
+def plan(
+    manifest: Manifest = None,
+    tasks: Tasks = None,
+    embodiment: Embodiment = None,
+    levels: Levels = None,
+    domains: Domains = None,
+    alpha: Alpha = None,
+    episodes: Episodes = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what `build` would make, how long it takes and how big it gets. Writes nothing."""
+    from pipeline.plan import plan as run_plan
+
+    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed)
+    _, count = executor_of("ray", workers)
+    values = run_plan(recipe, Dataset(out) if out else None, count)
+    lines = [
+        f"{c['task']:28} {c['embodiment']:14} L{c['level']} alpha {c['alpha']:g} {c['domain']:10} "
+        f"{c['finished']:5} of {c['episodes']}"
+        for c in values["cells"]
+    ]
+    lines.append(
+        f"{len(values['cells'])} cells, {values['slots']} slots, {values['finished']} finished; about "
+        f"{values['estimated_hours']:.2f} h on {count} workers and {values['estimated_bytes'] / 1e9:.2f} GB "
+        f"(from {values['estimate_from']})"
+    )
+    say(values, as_json, "\n".join(lines))

@@ -1,0 +1,63 @@
+"""tasks, embodiments, objects and assets: what the factory can make, and vendor meshes for robots."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import AsJson, UsageError, listed, say
+
+assets_app = typer.Typer(no_args_is_help=True, help="Optional assets the user brings.")
+
+
+def tasks(as_json: AsJson = False) -> None:
+    """List the tasks."""
+    from pipeline.tasks.listing import listing
+
+    values = listing()
+    text = "\n".join(f"{t['name']:26} {t['category']:13} limit {t['step_limit']:5}  {', '.join(t['objects'])}" for t in values)
+    say(values, as_json, text)
+
+
+def embodiments(as_json: AsJson = False) -> None:
+    """List the robots."""
+    from pipeline.world.robots.listing import listing
+
+    values = listing()
+    say(values, as_json, "\n".join(f"{e['name']:14} {e['dof']} dof, cameras {', '.join(e['cameras'])}" for e in values))
+
+
+def objects(
+    gallery: Annotated[Path | None, typer.Option(help="Write a page with pictures of instances, frames and grasps here.")] = None,
+    families: Annotated[str | None, typer.Option(help="Families, comma separated; all by default.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the object families, or draw them."""
+    import pipeline.world.objects  # noqa: F401
+    from pipeline.world.objects.contract import FAMILIES
+
+    names = listed(families) or sorted(FAMILIES)
+    unknown = [name for name in names if name not in FAMILIES]
+    if unknown:
+        raise UsageError(f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}")
+    if gallery is not None:
+        from pipeline.world.objects.gallery import write_gallery
+
+        write_gallery(gallery, names)
+    say(
+        {"families": names, "gallery": str(gallery) if gallery else None},
+        as_json,
+        "\n".join(names) if gallery is None else str(gallery),
+    )
+
+
+@assets_app.command("add-robot-meshes")
+def add_robot_meshes(
+    name: Annotated[str, typer.Argument(help="The robot, e.g. franka-panda.")],
+    directory: Annotated[Path, typer.Argument(help="Directory with the vendor's URDF and meshes.")],
+    assets: Annotated[Path, typer.Option(help="Where assets are kept.")] = Path("assets"),
+) -> None:
+    """Check a vendor's URDF against our kinematics and take over its visual meshes."""
+    from pipeline.world.robots.vendor_meshes import add_robot_meshes as add
+
+    print("\n".join(add(name, directory, assets).lines()))

@@ -1,0 +1,84 @@
+"""What the verbs share: options, printing for people or programs, and the recipe that options describe."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.engine import EXECUTORS, pick_executor
+from pipeline.manifest import Recipe, read_recipe, recipe_from
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
+Root = Annotated[Path, typer.Argument(help="The dataset directory.", metavar="DATASET")]
+
+
+class UsageError(Exception):
+    """Bad input that no other error describes."""
+
+
+def say(values: Any, as_json: bool, text: str) -> None:
+    """Print JSON for a program, or text for a person."""
+    print(json.dumps(values, indent=1) if as_json else text)
+
+
+def listed(text: str | None) -> list[str] | None:
+    """A comma-separated option as a list."""
+    return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
+
+
+def numbers(text: str | None, kind: type, option: str) -> list[Any] | None:
+    try:
+        return None if text is None else [kind(part) for part in listed(text) or []]
+    except ValueError as error:
+        raise UsageError(f"{option} {text!r} is not a list of numbers like 1,2,3") from error
+
+
+Manifest = Annotated[Path | None, typer.Option(help="A recipe file (YAML); options given beside it override its keys.")]
+Tasks = Annotated[str | None, typer.Option(help="Task names, comma separated, or `all`.")]
+Embodiment = Annotated[str | None, typer.Option(help="Robot names, comma separated; a pair is written left+right.")]
+Levels = Annotated[str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")]
+Domains = Annotated[str | None, typer.Option(help="clean, randomized or both.")]
+Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comma separated.")]
+Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.")]
+Attempts = Annotated[int | None, typer.Option(help="Seeds tried for one slot before it is given up.")]
+Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.")]
+Executor = Annotated[str, typer.Option(help="inline, ray or auto.")]
+Workers = Annotated[int | None, typer.Option(help="Worker processes; all cores by default.")]
+
+
+def recipe_of(
+    manifest: Path | None,
+    tasks: str | None,
+    embodiment: str | None,
+    levels: str | None,
+    domains: str | None,
+    alpha: str | None,
+    episodes: int | None,
+    seed: int | None,
+    attempts: int | None = None,
+    render: str | None = None,
+) -> Recipe:
+    values = read_recipe(manifest) if manifest else {}
+    given = {
+        "tasks": listed(tasks),
+        "embodiments": listed(embodiment),
+        "levels": numbers(levels, int, "--levels"),
+        "domains": listed(domains),
+        "alpha": numbers(alpha, float, "--alpha"),
+        "episodes": episodes,
+        "seed": seed,
+        "attempts": attempts,
+        "render": render,
+    }
+    source = str(manifest) if manifest else "options"
+    return recipe_from(values | {key: value for key, value in given.items() if value is not None}, source)
+
+
+def executor_of(name: str, workers: int | None) -> tuple[str, int]:
+    if name not in EXECUTORS:
+        raise UsageError(f"--executor {name!r} is unknown: choose {', '.join(EXECUTORS)}")
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers {workers} is not a number of workers: give 1 or more")
+    return pick_executor(name, workers)
