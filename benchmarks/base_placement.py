@@ -4,9 +4,9 @@
 
 Reach is measured for the left arm (the right one mirrors it) over a 5 cm grid, x -0.4..0.4, y -0.25..0.25, with the tool 3 and
 15 cm above the table and the approach pitched 30, 45, 60 and 90 degrees below horizontal at any of several azimuths. `own` is the
-share of the arm's own half that has an inverse kinematics solution, `mid` that of the strip |x| <= 0.1. `hidden` is the share of
-reached cells whose object the arm covers from the head camera, `close` of those that bring a link within 12 cm of that camera.
-Table collision is not tested.
+share of the arm's own half that has an inverse kinematics solution in which the arm meets neither itself nor the table nor the
+other arm at home, `mid` that of the strip |x| <= 0.1. `hidden` is the share of reached cells whose object the arm covers from the
+head camera, `close` of those that bring a link within 12 cm of that camera.
 """
 
 import argparse
@@ -16,10 +16,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.expert.collision import CollisionWorld
 from pipeline.expert.kinematics import chain_of, ik_many
 from pipeline.poses import frame, pose, quat_about, quat_multiply, transform
-from pipeline.world.robots import MODELS
-from pipeline.world.robots.contract import Arm
+from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.notation import HEAD_CAMERA
 
@@ -48,10 +49,13 @@ class Reach:
         return float(tilted / 1.6 - 0.15 * self.hidden - 0.15 * self.close)
 
 
-def moved(arm: Arm, x: float, y: float, z: float, yaw: float) -> Arm:
-    """The left arm with its base at (-x, y, z), turned by `yaw` rad inwards (clockwise seen from above)."""
-    turn = quat_about((0, 0, 1), -yaw)
-    return replace(arm, base=pose((-x, y, z), quat_multiply(turn, arm.base[3:])))
+def moved(embodiment: Embodiment, x: float, y: float, z: float, yaw: float) -> Embodiment:
+    """The robot with its bases at (-x, y, z) and (x, y, z), turned by `yaw` rad inwards, without its furniture."""
+    arms = {
+        side: replace(arm, base=pose((s * x, y, z), quat_multiply(quat_about((0, 0, 1), s * yaw), arm.base[3:])))
+        for (side, arm), s in zip(embodiment.arms.items(), (-1, 1), strict=True)
+    }
+    return replace(embodiment, arms=arms, furniture_collision=())
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -65,9 +69,13 @@ def targets(height: float, pitch: float, azimuth: float, cells: NDArray[np.float
     return np.array([frame((x, y, TABLE + height), approach, s * opening) for s in (1, -1) for x, y in cells])
 
 
-def solve(arm: Arm, height: float, pitch: float, cells: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
+def solve(
+    robot: Embodiment, height: float, pitch: float, cells: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Left arm joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
+    arm = robot.arms["left"]
     chain = chain_of(arm)
+    free = CollisionWorld(robot).with_objects(margin=0.0).free("left", robot.arms["right"].home)
     q, done = np.zeros((len(cells), chain.dof)), np.zeros(len(cells), bool)
     for azimuth in AZIMUTHS:
         left = np.flatnonzero(~done)
@@ -77,19 +85,21 @@ def solve(arm: Arm, height: float, pitch: float, cells: NDArray[np.float64]) -> 
         n = len(left)
         for half in (slice(0, n), slice(n, 2 * n)):
             fresh = ok[half] & ~done[left]
+            fresh[fresh] = [free(row) for row in found[half][fresh]]
             q[left[fresh]], done[left[fresh]] = found[half][fresh], True
     return q, done
 
 
-def measure(arm: Arm) -> Reach:
-    """Reach of the left arm at its base."""
+def measure(robot: Embodiment) -> Reach:
+    """Reach of the left arm."""
+    arm = robot.arms["left"]
     cells = np.array(list(product(GRID_X, GRID_Y)), np.float64)
     own, mid = cells[:, 0] < 0.001, np.abs(cells[:, 0]) < 0.101
     shape = (len(HEIGHTS), len(PITCHES))
     share = {"own": np.zeros(shape), "mid": np.zeros(shape)}
     hidden, close, n = 0.0, 0.0, 0
     for i, j in np.ndindex(shape):
-        q, ok = solve(arm, HEIGHTS[i], PITCHES[j], cells)
+        q, ok = solve(robot, HEIGHTS[i], PITCHES[j], cells)
         share["own"][i, j], share["mid"][i, j] = ok[own].mean(), ok[mid].mean()
         for k in np.flatnonzero(ok)[::8] if j < 3 else ():
             covers, near = blocks_view(arm, q[k], np.array([*cells[k], TABLE + HEIGHTS[i]]))
@@ -128,19 +138,18 @@ def _axis(kind: str, size: tuple[float, ...]) -> NDArray[np.float64]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", choices=list(MODELS))
+    parser.add_argument("model", choices=list(EMBODIMENTS))
     parser.add_argument("--x", type=float, nargs="+", help="half distances of the bases, m (default: where it stands)")
     parser.add_argument("--y", type=float, nargs="+", help="m")
     parser.add_argument("--z", type=float, nargs="+", help="m")
     parser.add_argument("--yaw", type=float, nargs="+", default=[0.0], help="degrees inwards")
     parser.add_argument("--best", type=int, default=8, help="rows to print")
     a = parser.parse_args()
-    arm = MODELS[a.model].arm("left")
-    x, y, z = (-arm.base[0], arm.base[1], arm.base[2])
+    robot = EMBODIMENTS[a.model]()
+    x, y, z = robot.arms["left"].base[:3] * (-1, 1, 1)
     rows = []
     for place in product(a.x or [x], a.y or [y], a.z or [z], a.yaw):
-        here = moved(arm, *place[:3], np.radians(place[3]))
-        rows.append((place, measure(here)))
+        rows.append((place, measure(moved(robot, *place[:3], np.radians(place[3])))))
     rows.sort(key=lambda row: -row[1].score)
     heads = " ".join(f"{p:>11}" for p in PITCHES)
     print(f"{a.model}: own/mid share of cells by pitch (degrees), at {' and '.join(f'{100 * h:.0f} cm' for h in HEIGHTS)}")

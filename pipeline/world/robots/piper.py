@@ -24,7 +24,7 @@ from pipeline.world.robots.piper_look import piper_visuals
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Collider
 
-# benchmarks/base_placement.py, 2026-11-21: 0.96-1.00 of the arm's own half at pitch 30-60 degrees, 0.60 or more at 90; RoboTwin's
+# benchmarks/base_placement.py, 2026-11-21: 0.95-1.00 of the arm's own half at pitch 30-60 degrees, 0.60 or more at 90; RoboTwin's
 # (0.3, -0.45, 0.75) reaches 0.72-0.96, and nothing at 90 degrees 15 cm above the table
 PLACE = {"left": (-0.3, -0.36, 0.85), "right": (0.3, -0.36, 0.85)}
 # zero is the parked pose at the ends of joints 2 and 3; home is lifted a little off it

@@ -26,7 +26,7 @@ from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.robots.ur5_look import ur5_visuals
 from pipeline.world.shapes import Collider
 
-# benchmarks/base_placement.py, 2026-11-21: 1.00 of the arm's own half at pitch 30-60 degrees, 0.99 or more at 90. RoboTwin's
+# benchmarks/base_placement.py, 2026-11-21: 0.97-1.00 of the arm's own half at pitch 30-60 degrees, 0.99 or more at 90. RoboTwin's
 # (0.4, -0.65, 0.75), its left base 0.10 m lower in the config, reaches 1.00 and 0.86
 PLACE = {"left": (-0.45, -0.5, 0.75), "right": (0.45, -0.5, 0.75)}
 # mirrored tool poses: a UR5 has no mirror image, so the joint values differ
