@@ -21,7 +21,7 @@ from pipeline.dataset import DatasetError
 from pipeline.episode import EpisodeError
 from pipeline.export.common import ExportError
 from pipeline.manifest import RecipeError
-from pipeline.world.robots.pairs import UnknownEmbodiment
+from pipeline.world.robots import UnknownEmbodiment
 from pipeline.world.robots.vendor_urdf import VendorMeshError
 from pipeline.world.vulkan import NoRenderer
 

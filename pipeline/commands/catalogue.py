@@ -44,11 +44,8 @@ def objects(
         from pipeline.world.objects.gallery import write_gallery
 
         write_gallery(gallery, names)
-    say(
-        {"families": names, "gallery": str(gallery) if gallery else None},
-        as_json,
-        "\n".join(names) if gallery is None else str(gallery),
-    )
+    shown = "\n".join(names) if gallery is None else str(gallery)
+    say({"families": names, "gallery": str(gallery) if gallery else None}, as_json, shown)
 
 
 @assets_app.command("add-robot-meshes")
