@@ -7,11 +7,13 @@ the other is the same pinch with the jaws exchanged.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
-from pipeline.poses import frame
+from pipeline.poses import compose, yawed
 from pipeline.world.objects.contract import Grasp
 
 PITCHES = (0, 15, 30, 45, 60, 75, 90)
@@ -23,14 +25,29 @@ RETREATS = (0.0, 0.004, 0.008)  # m the tcp may stay short of the middle so that
 Grasps = tuple[Grasp, ...]
 
 
-def pinch(position: ArrayLike, approach: ArrayLike, opening: ArrayLike, width: float, kind: str = "side") -> Grasp:
-    """One candidate: tcp at `position`, coming along `approach`, fingers on both sides along `opening`, `width` (m) apart."""
-    return Grasp(frame(position, approach, opening), float(width), kind)
+def pinches(tcps: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], width: float, kind: str = "side") -> Grasps:
+    """Candidates from (position, approach, opening) of the tcp, fingers `width` (m) apart along `opening`.
+
+    Approaches may have any length; openings are made perpendicular to them.
+    """
+    if not tcps:
+        return ()
+    position, x, y = np.array(tcps, float).transpose(1, 0, 2)
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    y = y - x * np.einsum("ij,ij->i", x, y)[:, None]
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    turn = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=2)).as_quat(scalar_first=True)
+    return tuple(Grasp(pose, float(width), kind) for pose in np.concatenate([position, turn], axis=1))
 
 
 def _low_enough(height: float, pitch: float, top: float) -> bool:
     """Whether the shortest fingers, leaning by `pitch` (rad), still reach 2 mm below `top`."""
     return height - 0.010 * np.sin(pitch) <= top - 0.002
+
+
+def turned(grasps: Grasps, yaw: float) -> Grasps:
+    """The same grasps turned about the object's z axis by `yaw` (rad)."""
+    return tuple(replace(g, pose=compose(yawed((0, 0, 0), yaw), g.pose)) for g in grasps)
 
 
 def low_heights(top: float) -> tuple[float, ...]:
@@ -73,8 +90,8 @@ def side_pinches(
                 out, across = np.array([np.cos(a), np.sin(a), 0.0]), np.array([-np.sin(a), np.cos(a), 0.0])
                 approach = -out * np.cos(p) - np.array([0, 0, np.sin(p)])
                 position = out * retreat * np.cos(p) + [0, 0, height + retreat * np.sin(p)]
-                found.append(pinch(position, approach, across, 2 * radius, kind))
-    return tuple(found)
+                found.append((position, approach, across))
+    return pinches(found, 2 * radius, kind)
 
 
 def _retreat(hits: Callable[[np.ndarray, np.ndarray], bool], height: float, pitch: float) -> float | None:
@@ -110,8 +127,8 @@ def rim_pinches(
         for pitch in pitches:
             p = np.radians(pitch)
             for side in (1, -1) if pitch < 90 else (1,):
-                found.append(pinch(position, side * along * np.cos(p) - up * np.sin(p), across, wall, kind))
-    return tuple(found)
+                found.append((position, side * along * np.cos(p) - up * np.sin(p), across))
+    return pinches(found, wall, kind)
 
 
 def box_pinches(
@@ -134,11 +151,12 @@ def box_pinches(
     """
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
-    found = []
+    grasps: Grasps = ()
     for axis in ("xy".index(a) for a in axes):
         if 2 * half[axis] > widest:
             continue
         opening, along, reach = np.eye(3)[axis], np.eye(3)[1 - axis], half[1 - axis]
+        found = []
         for shift in np.asarray(offsets) * reach:
             for height in low_heights(2 * hz) if heights is None else heights:
                 for pitch in pitches:
@@ -156,8 +174,9 @@ def box_pinches(
                             continue
                         approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])
                         position = base + along * shift + [0, 0, height] - approach * retreat
-                        found.append(pinch(position, approach, opening, 2 * half[axis], kind))
-    return tuple(found)
+                        found.append((position, approach, opening))
+        grasps += pinches(found, 2 * half[axis], kind)
+    return grasps
 
 
 def bar_pinches(
@@ -183,11 +202,11 @@ def bar_pinches(
                     down, across = np.array([0, np.sin(t), -np.cos(t)]), np.array([0, np.cos(t), np.sin(t)])
                     approach = np.array([side * np.cos(p), 0, 0]) + np.sin(p) * down
                     found += [
-                        pinch(np.array([x, 0, height]) - lift * down, approach, across, 2 * radius, kind)
+                        (np.array([x, 0, height]) - lift * down, approach, across)
                         for lift in lifts
                         if _low_enough(lift, p, 0.6 * radius)
                     ]
-    return tuple(found)
+    return pinches(found, 2 * radius, kind)
 
 
 def handle_pinches(
@@ -207,4 +226,4 @@ def handle_pinches(
     out = out - along * (out @ along)
     out /= np.linalg.norm(out)
     across = np.cross(out, along)
-    return tuple(pinch(position, -out * np.cos(t) + along * np.sin(t), across, thickness, kind) for t in np.radians(leans))
+    return pinches([(position, -out * np.cos(t) + along * np.sin(t), across) for t in np.radians(leans)], thickness, kind)

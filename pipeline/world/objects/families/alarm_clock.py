@@ -118,7 +118,7 @@ class AlarmClock(Family):
         z = self.middle if self.form == "twin-bell" else (self.height - 0.008) / 2
         return Frames(
             {"base": mark(0, 0, 0), "top": top, "button": top, "face": mark(0, -self.half, z, (0, -1, 0))},
-            box_pinches(hx, self.half, self.height / 2, heights=(0.55 * self.height,), offsets=(0.0,), axes="y"),
+            box_pinches(hx, self.half, self.height / 2, heights=(0.7 * self.height,), offsets=(0.0,), axes="y"),
         )
 
     def words(self) -> Words:

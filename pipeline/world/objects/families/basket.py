@@ -1,4 +1,4 @@
-"""A carrying basket: a hollow box of wicker with an arched handle over its middle, along x."""
+"""A carrying basket: a hollow box of wicker, long along x, with an arched handle over its middle from -y to +y."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,7 +9,7 @@ from pipeline.world.materials import fabric
 from pipeline.world.objects.colliders import arc_of_capsules, box_collider, walls_of_boxes
 from pipeline.world.objects.contract import Family, Frames, Words, register
 from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
-from pipeline.world.objects.grasping import bar_pinches
+from pipeline.world.objects.grasping import bar_pinches, turned
 from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
 from pipeline.world.shapes import Mesh, Shape
 
@@ -53,11 +53,11 @@ class Basket(Family):
         )
 
     def arch_path(self) -> np.ndarray:
-        """Axis of the handle (N,3), in the x-z plane."""
+        """Axis of the handle (N,3), in the y-z plane."""
         angle = np.radians(np.linspace(180, 0, 11))
         low, top = 0.75 * self.height, self.arch - self.grip
-        x = (self.hx - 0.5 * WALL) * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.75
-        return np.column_stack([x, np.zeros(11), low + (top - low) * np.sin(angle) ** 0.6])
+        y = (self.hy - 0.5 * WALL) * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.75
+        return np.column_stack([np.zeros(11), y, low + (top - low) * np.abs(np.sin(angle)) ** 0.6])
 
     def shape(self) -> Shape:
         path = self.arch_path()
@@ -80,19 +80,20 @@ class Basket(Family):
         )
 
     def frames(self) -> Frames:
-        floor = mark(0, 0, WALL)
+        floor, bar = mark(0, 0, WALL), self.arch - self.grip
+        handle = bar_pinches([-0.012, 0.0, 0.012], self.grip, bar, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle")
         return Frames(
             {
                 "base": mark(0, 0, 0),
                 "top": mark(0, 0, self.arch),
-                "handle": mark(0, 0, self.arch - self.grip),
+                "handle": mark(0, 0, bar),
                 "inside": floor,
                 "centre": floor,
+                "left": mark(-0.5 * self.hx, 0, WALL),
+                "right": mark(0.5 * self.hx, 0, WALL),
                 "rim": mark(0, 0, self.height),
             },
-            bar_pinches(
-                [-0.012, 0.0, 0.012], self.grip, self.arch - self.grip, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle"
-            ),
+            turned(handle, np.pi / 2),
         )
 
     def words(self) -> Words:

@@ -14,6 +14,7 @@ from pipeline.world.objects.kit import COLOURS, DARKS, describe, mark, pick, siz
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.028, 0.034)
+COLLAR = 0.012  # m of upright wall at the foot of the dome, where it is held
 
 
 @register("bell")
@@ -33,8 +34,8 @@ class Bell(Family):
         colour = pick(rng, ("silver", "gold") if finish == "metal" else COLOURS)
         return cls(
             radius,
-            radius * rng.uniform(0.72, 0.95),
-            rng.uniform(0.008, 0.014),
+            radius * rng.uniform(0.78, 0.98),
+            rng.uniform(0.010, 0.015),
             rng.uniform(0.006, 0.009),
             finish,
             colour,
@@ -50,7 +51,8 @@ class Bell(Family):
         """Silhouette of the dome, (radius, z) from the base up."""
         r, d, f = self.radius, self.dome, self.foot
         angle = np.radians([0, 20, 40, 60, 78])
-        return [(r, f), *((float(r * np.cos(a)), float(f + 0.006 + (d - 0.006) * np.sin(a))) for a in angle), (0.0, f + d)]
+        c = COLLAR
+        return [(r, f), *((float(r * np.cos(a)), float(f + c + (d - c) * np.sin(a))) for a in angle), (0.0, f + d)]
 
     def shape(self) -> Shape:
         r, f = self.radius, self.foot
@@ -72,7 +74,7 @@ class Bell(Family):
         outline = [(self.radius, 0.0), *self.outline()[:-1], (self.knob, f + d), (self.knob, self.height)]
         return Frames(
             {"base": mark(0, 0, 0), "button": mark(0, 0, self.height), "top": mark(0, 0, self.height)},
-            side_pinches(self.radius, f + 0.008, outline=outline, kind="dome"),
+            side_pinches(self.radius, max(0.0215, f + 0.5 * COLLAR), outline=outline, kind="dome"),
         )
 
     def words(self) -> Words:

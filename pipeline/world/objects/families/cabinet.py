@@ -1,6 +1,6 @@
 """A small cabinet with one drawer, as two bodies: the shell, facing -y, and the drawer that slides in it."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Self
 
 import numpy as np
@@ -49,7 +49,7 @@ class Drawer(Family):
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(**vars(Cabinet.draw(rng).drawer()))
+        return cls(**asdict(Cabinet.draw(rng).drawer()))
 
     @property
     def handle_at(self) -> tuple[float, float, float]:
@@ -76,7 +76,7 @@ class Drawer(Family):
                 *box_collider(self.hx, self.hy, 0.003, (0, 0, 0.003)),
                 *walls_of_boxes(self.hx, self.hy, 0.006, h),
                 *box_collider(self.front_hx, BOARD / 2, self.front_height / 2, (0, -self.hy - BOARD / 2, self.front_height / 2)),
-                *capsule_between(*ends, 0.006),
+                *capsule_between(ends[0], ends[1], 0.006),
                 *(c for e in ends for c in capsule_between(e, e + root, 0.006)),
             ),
             mass=0.6,
@@ -149,7 +149,7 @@ class Cabinet(Family):
         """The drawer that fits; closed at `slot()`."""
         return Drawer(
             self.hx - BOARD - GAP,
-            self.hy - BOARD,
+            self.hy - BOARD - GAP,
             0.6 * self.bay,
             self.hx - BOARD - GAP,
             self.bay - 2 * GAP,
