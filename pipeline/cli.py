@@ -14,7 +14,7 @@ for _name, _value in SINGLE_THREAD.items():
 from pipeline.annotate.keys import AnnotateError
 from pipeline.commands.annotate import annotate
 from pipeline.commands.build import build, plan
-from pipeline.commands.catalogue import assets_app, embodiments, objects, tasks
+from pipeline.commands.catalogue import assets_app, check_task, embodiments, objects, tasks
 from pipeline.commands.common import UsageError
 from pipeline.commands.inspect import export, status, verify
 from pipeline.dataset import DatasetError
@@ -25,7 +25,7 @@ from pipeline.world.robots import UnknownEmbodiment
 from pipeline.world.robots.vendor_urdf import VendorMeshError
 from pipeline.world.vulkan import NoRenderer
 
-VERBS = (build, plan, status, verify, export, annotate, tasks, embodiments, objects)
+VERBS = (build, plan, status, verify, export, annotate, tasks, embodiments, objects, check_task)
 EXPECTED = (
     UsageError,
     RecipeError,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, UsageError, listed, say
+from pipeline.commands.common import AsJson, Levels, UsageError, listed, numbers, say
 
 assets_app = typer.Typer(no_args_is_help=True, help="Optional assets the user brings.")
 
@@ -25,6 +25,29 @@ def embodiments(as_json: AsJson = False) -> None:
 
     values = listing()
     say(values, as_json, "\n".join(f"{e['name']:14} {e['dof']} dof, cameras {', '.join(e['cameras'])}" for e in values))
+
+
+def check_task(
+    name: Annotated[str, typer.Argument(help="The task, or `all`.", metavar="NAME")],
+    embodiment: Annotated[str, typer.Option(help="The robot.")] = "aloha",
+    levels: Levels = "0,1,2,3",
+    as_json: AsJson = False,
+) -> None:
+    """Check that a task keeps its contract; exit code 1 when it does not."""
+    from pipeline.check_task import as_dicts
+    from pipeline.check_task import check_task as check
+    from pipeline.tasks import TASKS
+    from pipeline.world.robots import get_embodiment
+
+    names = sorted(TASKS) if name == "all" else [name]
+    if names[0] not in TASKS:
+        raise UsageError(f"no task {name!r}; `domino-data tasks` lists them")
+    robot, wanted = get_embodiment(embodiment).name, tuple(numbers(levels, int, "--levels") or ())
+    found = {task: check(task, robot, wanted) for task in names}
+    lines = [f"{'ok  ' if f.ok else 'FAIL'} {task}: {f.name}: {f.detail}" for task, all_of in found.items() for f in all_of]
+    say({task: as_dicts(all_of) for task, all_of in found.items()}, as_json, "\n".join(lines))
+    if not all(f.ok for all_of in found.values() for f in all_of):
+        raise typer.Exit(1)
 
 
 def objects(
