@@ -194,10 +194,18 @@ def lift(side: str, height: float, *, speed: float = 0.25) -> Skill:
 
 
 def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
-    """Draw the hand straight back along its approach axis."""
+    """Draw the hand straight back along its approach axis; where the arm ends, a shorter way (at least 40 %) or as far straight up."""
 
     def act(a: Actor) -> Iterator[Beat]:
-        yield {side: a.planner.line_leg(a, side, backed_off(a.tcp(side), distance), speed)}
+        start = a.tcp(side)
+        ways = [backed_off(start, distance * part) for part in (1.0, 0.8, 0.6, 0.4)]
+        for goal in (*ways, lifted(start, distance), lifted(start, 0.6 * distance)):
+            path = a.planner.line(side, a.q(side), goal)
+            if path is not None:
+                length = float(np.linalg.norm(goal[:3] - start[:3]))
+                yield {side: a.planner.timed(side, path, a.gripper(side), minimum=length / speed)}
+                return
+        raise PlanFailure("line_unreachable", f"the {side} arm cannot draw back by {distance} m")
 
     return act
 
