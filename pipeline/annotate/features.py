@@ -55,9 +55,9 @@ def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
     return np.clip(np.minimum(high, place + 1) - np.maximum(low, place), 0, None).astype(np.float32)
 
 
-def area_weights(mask: NDArray[np.bool_], grid: int) -> NDArray[np.float32]:
-    """Covered fraction of each patch (..., grid, grid) for masks (...,H,W); exact for any picture size."""
-    rows, columns = overlap(mask.shape[-2], grid), overlap(mask.shape[-1], grid)
+def area_weights(mask: NDArray[np.bool_], grid: tuple[int, int]) -> NDArray[np.float32]:
+    """Covered fraction of each patch (..., rows, columns) of a grid for masks (...,H,W); exact for any picture size."""
+    rows, columns = overlap(mask.shape[-2], grid[0]), overlap(mask.shape[-1], grid[1])
     return np.asarray(rows @ mask.astype(np.float32) @ columns.T, np.float32)
 
 
@@ -66,7 +66,7 @@ def pool(tokens: NDArray[np.float32], mask: NDArray[np.bool_]) -> tuple[NDArray[
 
     `tokens` (N,g,g,D), `mask` (N,K,H,W). An empty mask gives zeros and coverage 0.
     """
-    weights = area_weights(mask, tokens.shape[1])
+    weights = area_weights(mask, (tokens.shape[1], tokens.shape[2]))
     coverage = weights.sum((2, 3))
     summed = np.einsum("nkij,nijd->nkd", weights, tokens, optimize=True)
     return (summed / np.where(coverage > 0, coverage, 1.0)[..., None]).astype(np.float32), coverage

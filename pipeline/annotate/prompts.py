@@ -58,4 +58,5 @@ def ask(meta: Mapping[str, Any], instruction: str, wanted: Sequence[str], source
         if want in ROLES:
             roles[want] = names.index(name)
     word = "noun" if source == "metadata" else "description"
-    return Asked(tuple(names), tuple(caption(meta["objects"][n][word]) for n in names), roles)
+    phrases = [meta["objects"][n].get(word) or n.replace("_", " ") for n in names]
+    return Asked(tuple(names), tuple(map(caption, phrases)), roles)

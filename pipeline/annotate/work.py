@@ -85,10 +85,14 @@ class StageWorker:
         except _EPISODE_FAULTS as error:
             return Outcome(name, "failed", state, str(error))
 
-    def _finish(self, episode: Path, work: "_Work") -> Outcome:
+    def start(self) -> Callable[[Any], Result]:
+        """Load the models, unless they are there already."""
         if self._compute is None:
             self._compute = self.stage.start()
-        result = self._compute(work.data)
+        return self._compute
+
+    def _finish(self, episode: Path, work: "_Work") -> Outcome:
+        result = self.start()(work.data)
         path = annotation_path(self.dataset, self.directory, episode)
         try:
             write_entry(path, work.key, result.arrays, {**result.attributes, "inputs": work.inputs}, result.compressed)

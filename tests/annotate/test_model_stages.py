@@ -9,9 +9,10 @@ import pytest
 import torch
 
 from pipeline.annotate import AnnotateError, AnnotateOptions, FeatureOptions, MaskOptions, annotate
-from pipeline.annotate.agreement import agreement, iou
-from pipeline.annotate.masks import unpack
-from pipeline.annotate.store import annotation_path, episode_paths, find_stage, read_entry
+from pipeline.annotate.agreement import agreement, flow_agreement, iou
+from pipeline.annotate.masks import pack, unpack
+from pipeline.annotate.pictures import annotation_sheet, mask_overlay
+from pipeline.annotate.store import annotation_path, episode_paths, find_stage, read_entry, write_entry, write_stage
 from tests.annotate import tiny
 from tests.synthetic import HALF, episode_path, make_episode
 
@@ -196,3 +197,44 @@ def test_iou_by_hand():
     a, b = np.zeros((2, 4, 4), bool), np.zeros((2, 4, 4), bool)
     a[0, :2], b[0, 1:3] = True, True
     np.testing.assert_allclose(iou(a, b), [4 / 12, 0])
+
+
+def test_flow_agreement_of_known_fields(dataset: Path):
+    """Farneback that sees half the motion, turned by 90 degrees, with noise of 0.25 px where nothing moves."""
+    height, width, frames = 240, 320, 5
+    previous = np.array([0, 0, 0, 0, 0])
+    exact = np.zeros((frames, 64, 64, 2), np.float16)
+    exact[1:, 16:32, 16:32, 0] = 2.0
+    measured = np.full_like(exact, 0)
+    measured[..., 1] = 0.25
+    measured[:, 16:32, 16:32] = 0, 1.0
+    mask = np.zeros((frames, 1, height, width), bool)
+    mask[:, 0, 60:120, 80:160] = True
+    about = {"objects": ["target"], "roles": {"target": 0}, "height": height, "width": width}
+    written = {
+        "flow@00000001": ({"flow": measured, "previous": previous}, {}, {"source": "farneback", "camera": "head_camera"}),
+        "flow@00000002": ({"flow": exact, "previous": previous}, {}, {"source": "sim", "camera": "head_camera"}),
+        "masks@00000003": ({"mask": pack(mask)}, about, {"source": "sim", "camera": "head_camera"}),
+    }
+    episode = episode_paths(dataset)[0]
+    for directory, (arrays, attributes, parameters) in written.items():
+        write_stage(dataset, directory, {"stage": directory.split("@")[0], "version": 1, "parameters": parameters})
+        write_entry(annotation_path(dataset, directory, episode), "k", arrays, attributes)
+    row = flow_agreement(dataset, episode_paths(dataset))["levels"]["L1"]
+    # frames 1 and 2 lie before the meeting at frame 2; frame 0 has no motion
+    assert row == {"pairs": 2, "exact": 2.0, "measured": 1.0, "error": round(5**0.5, 4), "angle": 90.0, "error_still": 0.25}
+
+
+def test_sheet_shows_masks_and_flows(dataset: Path, options: AnnotateOptions):
+    episode = episode_paths(dataset)[0]
+    assert annotation_sheet(dataset, episode) is None
+    annotate(dataset, ["flow", "masks"], options=sim(options))
+    sheet = annotation_sheet(dataset, episode, frames=[1, 4])
+    assert sheet is not None and sheet.shape == (2 * (150 + 18), 2 * 200, 3) and sheet.dtype == np.uint8
+    frame = np.full((40, 60, 3), 100, np.uint8)
+    mask = np.zeros((1, 40, 60), bool)
+    mask[0, 10:30, 20:40] = True
+    drawn = mask_overlay(frame, mask)
+    changed = (drawn != frame).any(-1)
+    np.testing.assert_array_equal(changed, mask[0])
+    assert (frame == 100).all()

@@ -218,7 +218,7 @@ def test_pooling_against_a_slow_loop_over_a_fine_mesh(shape: tuple[int, int], gr
 def test_one_pixel_is_enough_where_nearest_would_lose_it():
     mask = np.zeros((1, 1, 240, 320), bool)
     mask[0, 0, 101, 203] = True
-    weights = area_weights(mask, 16)[0, 0]
+    weights = area_weights(mask, (16, 16))[0, 0]
     assert weights[101 // 15, 203 // 20] == pytest.approx(1 / 300)
     assert weights.sum() == pytest.approx(1 / 300)
 
