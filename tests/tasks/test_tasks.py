@@ -1,0 +1,213 @@
+"""What every registered task must keep, whichever it is: layout, arms, words, and one attempt still and one at level 3."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.poses import transform
+from pipeline.spec import EpisodeSpec
+from pipeline.stages.back_calculate import back_calculate
+from pipeline.stages.dry_run import dry_run
+from pipeline.stages.failure import Failure
+from pipeline.stages.replay import replay
+from pipeline.stages.stage_set import set_stage
+from pipeline.tasks import INTERCEPTION, TASKS, TRACKING
+from pipeline.tasks.contract import Draw
+from pipeline.tasks.language import check_templates, instructions
+from pipeline.world.body import TABLE_HALF, TABLE_TOP
+from pipeline.world.objects import FAMILIES
+from pipeline.world.recorder import Recorder
+from pipeline.world.robots.contract import SIDES
+from pipeline.world.simulation import Simulation
+
+NAMES = sorted(TASKS)
+SEEDS = range(12)
+TRIES = 6
+"""Attempts a task may need at level 0 and 3 until one is accepted."""
+
+every_task = pytest.mark.parametrize("name", NAMES)
+
+
+def spec(name, seed=0, level=3, alpha=0.1):
+    return EpisodeSpec(name, "aloha-agilex", level, alpha, "clean", 0, seed)
+
+
+def calculate(stage, dry):
+    return back_calculate(stage, dry, camera="D435", lead=0.0, speed_bound="average")
+
+
+def accepted(name):
+    """The first seed whose attempts at level 0 and at level 3 both succeed, sharing one dry run, as they do in paired cells."""
+    failures = []
+    for seed in range(TRIES):
+        try:
+            stage = set_stage(spec(name, seed))
+            still = replace(stage, spec=spec(name, seed, level=0))
+            dry = dry_run(stage, 15)
+            motions = calculate(still, dry), calculate(stage, dry)
+            done = replay(still, dry, motions[0], 15), replay(stage, dry, motions[1], 15)
+        except Failure as failure:
+            failures.append(str(failure))
+        else:
+            return SimpleNamespace(stage=stage, still=still, dry=dry, motions=motions, logs=tuple(d.log for d in done))
+    raise AssertionError(f"{name}: {TRIES} seeds failed: {failures}")
+
+
+def rectangle(body):
+    low, high = body.instance.shape().aabb()
+    corners = [[x, y, 0] for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))]
+    return transform(body.pose, np.array(corners))[:, :2]
+
+
+def overlap(a, b):
+    """Whether two convex outlines (4,2) share a point: brute force over a grid of both."""
+    u = np.linspace(0, 1, 25)
+    grid = [(1 - s) * ((1 - t) * a[0] + t * a[1]) + s * ((1 - t) * a[3] + t * a[2]) for s in u for t in u]
+    edges = np.roll(b, -1, 0) - b
+    inside = np.cross(edges[None], np.array(grid)[:, None] - b[None]) >= 0
+    return bool(inside.all(1).any())
+
+
+# --- the scene --------------------------------------------------------------------------------------------------------------
+
+
+@every_task
+def test_bodies_stand_in_their_regions_and_apart(name):
+    for seed in SEEDS:
+        stage = set_stage(spec(name, seed))
+        again = TASKS[name].layout(Draw(stage.spec.rng("objects"), stage.spec.rng("placement")))
+        assert stage.task.target in stage.bodies
+        assert stage.task.manipulated in stage.bodies
+        bodies = list(stage.bodies.values())
+        for placement, body in zip(again, bodies, strict=True):
+            assert body.name == placement.name
+            assert isinstance(body.instance, FAMILIES[body.family])
+            assert body.pose[2] == TABLE_TOP
+            assert (np.abs(rectangle(body)) <= TABLE_HALF).all(), f"{body.name} stands over the edge"
+            if seed == 0:  # only a first try draws the same regions again
+                (x0, x1), (y0, y1) = sorted(placement.region.x), sorted(placement.region.y)
+                assert x0 <= body.pose[0] <= x1
+                assert y0 <= body.pose[1] <= y1
+                assert abs(body.pose[0]) >= placement.region.away_from_centre
+        for i, a in enumerate(bodies):
+            for b in bodies[i + 1 :]:
+                assert not overlap(rectangle(a), rectangle(b)), f"seed {seed}: {a.name} overlaps {b.name}"
+        target = stage.bodies[stage.task.target]
+        assert not target.fixed
+        assert stage.task.workspace.contains(target.pose), f"seed {seed}: the target does not stand in its workspace"
+
+
+@every_task
+def test_a_scene_follows_from_its_seed_and_not_from_level_or_alpha(name):
+    poses = [
+        {n: (b.family, b.instance, *b.pose) for n, b in set_stage(s).bodies.items()}
+        for s in (spec(name, 1), spec(name, 1, level=0, alpha=0.3), spec(name, 2))
+    ]
+    assert poses[0] == poses[1]
+    assert poses[0] != poses[2]
+
+
+@every_task
+def test_arms_are_named_and_mirrored_tasks_use_both(name):
+    stages = [set_stage(spec(name, seed)) for seed in SEEDS]
+    used = set()
+    for stage in stages:
+        assert stage.arms
+        assert set(stage.arms.values()) <= set(SIDES)
+        used |= set(stage.arms.values())
+    xs = [stage.bodies[stage.task.target].pose[0] for stage in stages]
+    if len(stages[0].arms) == 1 and min(xs) < -0.05 and max(xs) > 0.05:
+        assert used == set(SIDES), "targets stand on both sides, one arm does all"
+
+
+@every_task
+def test_the_task_describes_itself(name):
+    task = TASKS[name]
+    stage = set_stage(spec(name))
+    assert task.name == name
+    assert task.category in (INTERCEPTION, TRACKING)
+    assert (task.manipulated == task.target) == (task.category == INTERCEPTION) or task.category == TRACKING
+    assert "Success" in (type(task).__doc__ or "")
+    assert 0 < task.step_limit <= 2000
+    check_templates(task.seen, task.unseen, list(stage.bodies), list(stage.arms))
+    assert len(task.seen) >= 10
+    assert len(task.unseen) >= 3
+
+
+@every_task
+def test_instructions_are_true_of_their_scene(name):
+    for seed in range(3):
+        stage = set_stage(spec(name, seed))
+        task, words = stage.task, {n: b.instance.words() for n, b in stage.bodies.items()}
+        text = instructions(task.seen, task.unseen, words, stage.arms, stage.spec.rng("language"), 40)
+        for split in ("seen", "unseen"):
+            assert len(text[split]) == 40
+            for sentence in text[split]:
+                assert not re.search(r"[{}]", sentence)
+                for side in re.findall(r"\b(left|right) arm\b", sentence):
+                    assert side in stage.arms.values(), sentence
+                named = [n for n, w in words.items() for phrase in getattr(w, split) if phrase in sentence]
+                assert named, f"{sentence!r} names no object of the scene"
+        assert not set(text["seen"]) & set(text["unseen"])
+
+
+@every_task
+def test_nothing_is_solved_before_it_begins(name):
+    for seed in range(2):
+        stage = set_stage(spec(name, seed))
+        body = stage.bodies[stage.task.target]
+        s = Simulation(stage.embodiment, tuple(stage.bodies.values()), body.name, TargetMotion.still(body.pose, 1.0))
+        recorder = Recorder(s, 15)
+        for _ in range(80):
+            s.step(s.home_vector(), np.zeros(len(s.command)))
+            recorder.after_step()
+        assert not stage.succeeded(recorder.log())
+
+
+# --- attempts ---------------------------------------------------------------------------------------------------------------
+
+
+@every_task
+def test_attempts_at_level_0_and_3_are_accepted_and_are_what_their_level_says(name):
+    a = accepted(name)
+    end = a.stage.bodies[a.stage.task.target].pose
+    still, moving = a.motions
+    for motion in a.motions:
+        np.testing.assert_allclose(motion.pose(a.dry.meeting), end, atol=1e-9)
+    assert still.maximum_speed() == 0
+    assert 0 < moving.average_speed() <= 0.1 * (1 + 1e-9)
+    assert moving.velocity_jumps().max() > 0.01
+    for stage, motion, log in zip((a.still, a.stage), a.motions, a.logs, strict=True):
+        assert stage.succeeded(log)
+        assert not stage.task.success(stage.outcome(log).until(1), stage.arms)
+        release = log.time_of("release")
+        assert log.time_of("meeting") == release
+        assert abs(release - a.dry.meeting) < 0.15
+        held = log.times < release
+        gap = np.linalg.norm(log.pose(stage.task.target)[held, :3] - motion.position(log.times[held]), axis=1)
+        assert gap.max() < 1e-3
+        assert log.time_of("success") <= log.times[-1]
+        assert len(log) <= stage.task.step_limit + 1
+
+    slow = replace(a.stage, spec=replace(a.stage.spec, alpha=0.0))
+    assert calculate(slow, a.dry).to_json() == still.to_json()
+
+
+def test_alpha_0_gives_the_same_log_as_level_0():
+    name = "click_bell"
+    a = accepted(name)
+    slow = set_stage(spec(name, a.stage.spec.seed, level=3, alpha=0.0))
+    dry = dry_run(slow, 15)
+    log = replay(slow, dry, calculate(slow, dry), 15).log
+    for key in ("poses", "qpos", "qvel", "state", "action", "tcp", "contacts"):
+        assert getattr(log, key).tobytes() == getattr(a.logs[0], key).tobytes(), key
+    assert log.events == a.logs[0].events
+
+
+def test_tasks_keep_no_state():
+    for task in TASKS.values():
+        assert not vars(task), f"{task.name} carries state from episode to episode"
