@@ -21,23 +21,6 @@ class BeatBlockHammer(Task):
     category = TRACKING
     target, manipulated = "block", "hammer"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
-    seen = (
-        "Hit {block} with {hammer}.",
-        "Use {arm} to pick up {hammer} and strike {block}.",
-        "Grab {hammer} and beat {block}.",
-        "Take {hammer} with {arm} and knock on {block} while it moves.",
-        "Pick up {hammer} and tap the top of {block}.",
-        "Strike {block} once with {hammer}.",
-        "Bring {hammer} down on {block}.",
-        "Follow {block} and hit it with {hammer} in {arm}.",
-        "Lift {hammer} and hammer {block} as it slides.",
-        "With {arm}, beat {block} using {hammer}.",
-    )
-    unseen = (
-        "Give {block} a knock with {hammer}.",
-        "Let {arm} land {hammer} on top of {block}.",
-        "Pound {block} using {hammer}.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(-1.7, -1.4)))

@@ -22,23 +22,6 @@ class ClickBell(Task):
     category = TRACKING
     target = "bell"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
-    seen = (
-        "Press the top of {bell} with {arm}.",
-        "Use {arm} to ring {bell} while it moves.",
-        "Ring {bell}.",
-        "Tap the button on {bell}.",
-        "Catch up with {bell} and press it with {arm}.",
-        "Follow {bell} as it slides and push its button.",
-        "Hit the button of {bell} once.",
-        "Make {bell} ring by pressing it from above with {arm}.",
-        "Click {bell} as it passes by.",
-        "With {arm}, press down on {bell}.",
-    )
-    unseen = (
-        "Give {bell} a quick tap on its button.",
-        "Let {arm} chime {bell} while it is moving.",
-        "Sound {bell} by touching its top.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)

@@ -1,8 +1,12 @@
-"""What a task is: a layout, a script in two halves and one success condition. docs/add_a_task.md walks through one."""
+"""What a task is: a layout, a script in two halves and one success condition. docs/add_a_task.md walks through one.
+
+The sentences that ask for a task are in phrases/<name>.txt beside this module: a line "seen", at least 40 templates one per line, a
+line "unseen", at least 10 more.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,6 +14,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.failure import PlanFailure
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import yawed
+from pipeline.tasks.language import read_templates
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family
@@ -44,10 +49,10 @@ class Draw:
     def __init__(self, objects: np.random.Generator, placement: np.random.Generator) -> None:
         self._objects, self._placement = objects, placement
 
-    def one_of(self, *families: str) -> Family:
-        """An instance of one of the named families."""
-        name = families[int(self._objects.integers(len(families)))]
-        return FAMILIES[name].draw(self._objects)
+    def one_of(self, *families: str, **given: Any) -> Family:
+        """An instance of one of the named families; `given` parameters are passed on to it instead of being drawn."""
+        draw_one: Callable[..., Family] = FAMILIES[families[int(self._objects.integers(len(families)))]].draw
+        return draw_one(self._objects, **given)
 
     def side(self) -> int:
         """-1 (left half of the table) or +1 (right half)."""
@@ -63,6 +68,7 @@ class Task:
 
     `target` is the body that moves on its own until the meeting; `manipulated` the one the arms handle (the same in interception
     tasks). `workspace` bounds the target's path. `arms` names the acting arms for script and language, e.g. {"arm": "left"}.
+    `seen` and `unseen` are read from phrases/<name>.txt unless the class gives them.
     """
 
     name: ClassVar[str] = ""
@@ -99,12 +105,17 @@ TASKS: dict[str, Task] = {}
 
 
 def register[T: type[Task]](cls: T) -> T:
-    """Class decorator: enter a task under its name in snake case. Raises ValueError for a name that is taken."""
+    """Class decorator: enter a task under its name in snake case, with its templates.
+
+    Raises ValueError for a name that is taken and for templates that are missing or malformed.
+    """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     if name in TASKS:
         raise ValueError(f"task {name!r} is registered twice")
     cls.name = name
     cls.manipulated = cls.manipulated or cls.target
+    if not hasattr(cls, "seen"):
+        cls.seen, cls.unseen = read_templates(name)
     TASKS[name] = cls()
     return cls
 

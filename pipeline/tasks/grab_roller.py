@@ -21,23 +21,6 @@ class GrabRoller(Task):
     category = INTERCEPTION
     target = "roller"
     workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
-    seen = (
-        "Grab {roller} with both arms and lift it.",
-        "Catch {roller} with both hands.",
-        "Use both arms to pick up {roller}.",
-        "Lift {roller} by both ends.",
-        "Take {roller} at its two ends and raise it.",
-        "Catch {roller} while it moves and hold it up with both arms.",
-        "Pick {roller} up using {left} and {right}.",
-        "Grip {roller} with {left} and {right} together and lift.",
-        "Stop {roller} and raise it with both grippers.",
-        "Hold {roller} at both ends and lift it off the table.",
-    )
-    unseen = (
-        "Raise {roller} two-handed.",
-        "Snatch {roller} by its handles with both arms.",
-        "Let {left} and {right} lift {roller} together.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("roller", draw.one_of("roller"), Region(x=(-0.10, 0.10), y=(-0.22, -0.05), yaw=(-0.5, 0.5)))

@@ -24,23 +24,6 @@ class HandoverBlock(Task):
     category = INTERCEPTION
     step_limit = 800
     target = "block"
-    seen = (
-        "Catch {block} with {giver}, hand it to {receiver} and stand it on {pad}.",
-        "Pass {block} from {giver} to {receiver} and place it on {pad}.",
-        "Hand {block} over and put it on {pad}.",
-        "Pick up {block}, give it to the other arm and set it on {pad}.",
-        "Grab {block} with {giver}; let {receiver} take it and place it on {pad}.",
-        "Move {block} onto {pad} by handing it from one arm to the other.",
-        "Take {block} while it moves, pass it across and stand it on {pad}.",
-        "Use {giver} to catch {block} and {receiver} to put it on {pad}.",
-        "Transfer {block} between the arms and set it down on {pad}.",
-        "Give {block} to {receiver} and have it placed upright on {pad}.",
-    )
-    unseen = (
-        "Relay {block} to {receiver}, which stands it on {pad}.",
-        "Swap {block} between hands, then park it on {pad}.",
-        "Let {giver} deliver {block} to the other arm for placing on {pad}.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.05, 0.15)), fixed=True)

@@ -6,6 +6,7 @@ an arm ("the left arm"). Templates carry no article before a slot.
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from importlib.resources import files
 from itertools import product
 from string import Formatter
 
@@ -17,6 +18,23 @@ SIDES = ("left", "right")
 _ARTICLE = re.compile(r"\b(the|a|an)\s+\{", re.IGNORECASE)
 _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
+
+
+def read_templates(task: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Seen and unseen templates of a task from phrases/<task>.txt: a line "seen", templates one per line, a line "unseen", more.
+
+    Empty lines do not count. Raises ValueError, naming the file, where it is missing or not of this form.
+    """
+    where = f"phrases/{task}.txt"
+    try:
+        text = files("pipeline.tasks").joinpath(where).read_text("utf-8")
+    except FileNotFoundError as missing:
+        raise ValueError(f"task {task!r} has no templates: give the class `seen` and `unseen` or write {where}") from missing
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
+        raise ValueError(f"{where} must be a line 'seen', templates, a line 'unseen' and more templates")
+    middle = lines.index("unseen")
+    return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
 
 
 def instructions(

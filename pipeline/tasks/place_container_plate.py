@@ -19,23 +19,6 @@ class PlaceContainerPlate(Task):
 
     category = TRACKING
     target, manipulated = "plate", "container"
-    seen = (
-        "Place {container} onto {plate}.",
-        "Set {container} down on {plate} with {arm}.",
-        "Put {container} on {plate} while it moves.",
-        "Use {arm} to lift {container} and place it on {plate}.",
-        "Pick up {container} and let it rest on {plate}.",
-        "Move {container} to the middle of {plate}.",
-        "Take {container} with {arm} and put it onto {plate}.",
-        "Grab {container} and set it on {plate} as it slides past.",
-        "Get {container} onto {plate}.",
-        "Follow {plate} and lower {container} onto it with {arm}.",
-    )
-    unseen = (
-        "Serve {container} on {plate}.",
-        "Let {arm} park {container} on top of {plate}.",
-        "Bring {container} over and leave it standing on {plate}.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

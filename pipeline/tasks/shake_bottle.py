@@ -22,23 +22,6 @@ class ShakeBottle(Task):
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
-    seen = (
-        "Shake {bottle} with {arm}.",
-        "Catch {bottle} and shake it.",
-        "Pick up {bottle} while it moves and shake it well.",
-        "Use {arm} to grab {bottle} and swing it from side to side.",
-        "Grab {bottle}, lift it and shake it.",
-        "Give {bottle} a good shake.",
-        "Lift {bottle} with {arm} and shake it a few times.",
-        "Take hold of {bottle} as it slides past and shake it.",
-        "Mix what is in {bottle} by shaking it.",
-        "With {arm}, catch {bottle} and rock it back and forth.",
-    )
-    unseen = (
-        "Stop {bottle} and shake it up.",
-        "Have {arm} snatch {bottle} and give it a shake.",
-        "Agitate {bottle} above the table.",
-    )
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.03)
