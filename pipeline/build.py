@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.dataset import Dataset, asset_version, code_version, write_atomic
 from pipeline.engine import Progress, run
+from pipeline.expert.warm import compiled, warm_up
 from pipeline.export.report import write_report
 from pipeline.manifest import Recipe
 from pipeline.stages.slot import SlotJob, fill_slot
@@ -37,6 +38,8 @@ def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool =
     dataset.create(recipe)
     slots = list(recipe.slots())
     todo = [slot for slot in slots if dataset.finished(recipe, slot) is None]
+    if todo and executor != "inline" and not compiled():
+        warm_up(todo[0].cell.embodiment)
     progress = Progress(len(slots), len(slots) - len(todo), quiet)
     try:
         jobs = (SlotJob(str(root), recipe, slot, code_version()) for slot in todo)

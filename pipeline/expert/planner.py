@@ -76,7 +76,13 @@ class Planner:
 
     def solve(self, actor: "Actor", side: str, targets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """IK of many tcp poses (N,7), seeded at the arm's command and at home: joints (N,n) and which ones were reached (N,)."""
-        return ik_many(self.chains[side], targets, np.stack([actor.q(side), self.home(side)]))
+        return self.solve_from(side, targets, np.stack([actor.q(side), self.home(side)]))
+
+    def solve_from(
+        self, side: str, targets: NDArray[np.float64], seeds: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """IK of many tcp poses (N,7) from joint seeds (M,n): joints (N,n) and which ones were reached (N,)."""
+        return ik_many(self.chains[side], targets, seeds)
 
     def checker(
         self, actor: "Actor", side: str, ignore: Iterable[tuple[str, str]] = (), jaws: float | None = None, margin: float = 0.002
