@@ -50,7 +50,7 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
 
 
-def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 2) -> Mesh:
+def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
     """A label round a cylinder, from height `lower` to `upper`, readable from outside.
 
     The picture is repeated `prints` times round it; the middle of one faces -y, the robot.

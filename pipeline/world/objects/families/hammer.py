@@ -49,11 +49,8 @@ class Hammer(Family):
         h, f, long, z = self.half, self.face, self.length, self.reach / 2
         skin = wood(self.colour, self.seed) if self.grip == "wood" else rubber(self.colour)
         steel = metal(self.head_colour) if self.head_colour in _METALS else painted(self.head_colour)
-        shaft = revolve(
-            [(0, 0), (0.85 * h, 0), (h, 0.012), (0.86 * h, 0.35 * long), (h, 0.62 * long), (0.6 * h, 0.7 * long), (0.6 * h, long), (0, long)],
-            12,
-            crease=60,
-        )  # fmt: skip
+        wood_part = [(0, 0), (0.85 * h, 0), (h, 0.012), (0.86 * h, 0.35 * long), (h, 0.62 * long)]
+        shaft = revolve([*wood_part, (0.6 * h, 0.7 * long), (0.6 * h, long), (0, long)], 12, crease=60)
         r = 0.82 * f
         head = revolve(
             [(0, 0), (f - 0.002, 0), (f, 0.002), (f, 0.011), (r, 0.016), (r, self.reach - 0.016), (f, self.reach - 0.011),

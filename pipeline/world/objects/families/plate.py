@@ -42,7 +42,10 @@ class Plate(Family):
             36,
             crease=50,
         )
-        ring = revolve([(1.001 * r, h - WALL), (1.003 * r, h + 0.0003), (0.93 * r, h - 0.09 * h)], 36)
+        middle = 0.6 * w + 0.4 * r
+        fall = (inner_start - 0.92 * r) / (inner_start - middle) * (h - knee - 0.12 * h)
+        edge = [(r + 0.0008, h - WALL), (r + 0.0008, h + 0.0008), (inner_start, h + 0.0008), (0.92 * r, h - fall + 0.0008)]
+        ring = revolve(edge, 36)
         return Shape(
             visual=((body, glaze(self.colour)), (ring, Material(srgb(self.rim_colour), roughness=0.22))),
             collision=disc(w, WALL) + ring_of_boxes(w, WALL, h, 16, top=r),
