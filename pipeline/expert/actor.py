@@ -57,6 +57,11 @@ class Actor:
         self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
         self._frames: dict[str, Frames] = {}
 
+    @property
+    def steps(self) -> int:
+        """Physics steps taken, settling included."""
+        return self.simulation.steps + self.simulation.settle_steps
+
     # --- seeing ---------------------------------------------------------------------------------------------------------
 
     def pose(self, name: str) -> Pose:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.expert.failure import PlanFailure
 from pipeline.motion.target_motion import TargetMotion
-from pipeline.stages.failure import Failure
+from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.stage_set import Stage, rest
 
 STAGE = "dry_run"
@@ -36,7 +35,7 @@ def dry_run(stage: Stage, fps: int) -> DryRun:
     task = stage.task
     end = stage.bodies[task.target].pose
     actor = stage.start(TargetMotion.still(end, 1.0), fps, STAGE)
-    try:
+    with failing_as(STAGE, actor):
         last_began = 0.0
         for skill in task.meet(actor):
             last_began = actor.simulation.time
@@ -53,10 +52,7 @@ def dry_run(stage: Stage, fps: int) -> DryRun:
         for skill in task.finish(actor):
             actor.perform(skill)
         rest(actor, task)
-    except PlanFailure as failure:
-        raise Failure(STAGE, failure.reason, str(failure)) from failure
-    if not stage.succeeded(actor.recorder.log()):
-        raise Failure(STAGE, "no_success", "the expert did not solve the still scene")
+        if not stage.succeeded(actor.recorder.log()):
+            raise Failure(STAGE, "no_success", "the expert did not solve the still scene")
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    steps = actor.simulation.steps + actor.simulation.settle_steps
-    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, steps)
+    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps)

@@ -1,5 +1,11 @@
 """Why an attempt was not accepted."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pipeline.expert.actor import Actor
+from pipeline.expert.failure import PlanFailure
+
 
 class Failure(Exception):
     """An attempt that ends without an episode: the stage it reached, a reason code in snake case, the physics steps it took."""
@@ -7,3 +13,17 @@ class Failure(Exception):
     def __init__(self, stage: str, reason: str, detail: str = "") -> None:
         super().__init__(f"{stage}: {reason}" + (f" ({detail})" if detail else ""))
         self.stage, self.reason, self.detail, self.steps = stage, reason, detail, 0
+
+
+@contextmanager
+def failing_as(stage: str, actor: Actor) -> Iterator[None]:
+    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure how many steps the simulation had taken."""
+    try:
+        yield
+    except PlanFailure as plan:
+        failure = Failure(stage, plan.reason, str(plan))
+        failure.steps = actor.steps
+        raise failure from plan
+    except Failure as failure:
+        failure.steps = actor.steps
+        raise

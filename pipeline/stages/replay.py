@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-from pipeline.expert.failure import PlanFailure
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.dry_run import DryRun
-from pipeline.stages.failure import Failure
+from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.stage_set import Stage, rest, success_time
 from pipeline.world.state_log import Event, StateLog
 
@@ -26,7 +25,7 @@ def replay(stage: Stage, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     Raises Failure: missed (nothing touched the target in the first half), a planning reason, or no_success.
     """
     actor = stage.start(motion, fps, STAGE)
-    try:
+    with failing_as(STAGE, actor):
         for command, velocity in zip(dry.commands, dry.velocities, strict=True):
             actor.advance(command, velocity)
         if not actor.simulation.released:
@@ -35,10 +34,8 @@ def replay(stage: Stage, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         for skill in stage.task.finish(actor):
             actor.perform(skill)
         rest(actor, stage.task)
-    except PlanFailure as failure:
-        raise Failure(STAGE, failure.reason, str(failure)) from failure
-    since = success_time(stage, actor.recorder.log())
-    if since is None:
-        raise Failure(STAGE, "no_success", "the task's condition does not hold at the end")
+        since = success_time(stage, actor.recorder.log())
+        if since is None:
+            raise Failure(STAGE, "no_success", "the task's condition does not hold at the end")
     actor.recorder.extra.append(Event("success", since))
-    return Replay(actor.recorder.log(), actor.simulation.steps + actor.simulation.settle_steps)
+    return Replay(actor.recorder.log(), actor.steps)

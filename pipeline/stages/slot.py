@@ -72,7 +72,7 @@ def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
         with phases("replay"):
             done = replay(stage, dry, motion, recipe.fps)
     except Failure as failure:
-        failure.steps = max(failure.steps, steps)
+        failure.steps += steps
         raise
     return Rollout(stage, motion, dry.meeting, done, steps + done.steps)
 
