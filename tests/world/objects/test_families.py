@@ -15,7 +15,7 @@ from pipeline.world.shapes import Shape
 from tests.world.objects.rays import Line, merged, prepare
 
 NAMES = sorted(FAMILIES)
-TRIANGLES = 900
+TRIANGLES = 800
 HOLLOW = {"bowl", "cup", "mug", "pot", "skillet", "basket", "bread_basket", "table_bin", "big_bin", "dustbin", "drawer"}
 
 

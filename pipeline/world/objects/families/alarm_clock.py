@@ -70,8 +70,8 @@ class AlarmClock(Family):
     def _twin_bell(self) -> Shape:
         r, w, z, h = self.radius, self.half, self.middle, self.height
         face = quat_about((1, 0, 0), np.pi / 2)
-        case = at(cylinder(r, 2 * w, 28, 0.003), (0, w, z), face)
-        dial = at(cylinder(0.9 * r, 0.001, 28), (0, -w, z), face)
+        case = at(cylinder(r, 2 * w, 24, 0.003), (0, w, z), face)
+        dial = at(cylinder(0.9 * r, 0.001, 20), (0, -w, z), face)
         bell_radius = 0.42 * r
         cap = revolve([(0, 0), (bell_radius, 0), (0.85 * bell_radius, 0.4 * bell_radius), (0, 0.72 * bell_radius)], 16, 60)
         parts = [(case, painted(self.colour)), (dial, plastic("white")), *self._hands()]
