@@ -53,7 +53,7 @@ class Fan(Family):
         guard = join(*spokes, sweep(ring, 0.0012, 4, closed=True))
         blade = at(box(0.36 * r, 0.2 * r, 0.0012), (0.47 * r, 0, 0), quat_about((1, 0, 0), 0.45))
         blades = join(*(blade.moved(_turn(2 * np.pi * k / self.blades)) for k in range(self.blades)))
-        hub = at(cylinder(0.18 * r, 1.6 * w, 14, 0.002), (0, 0, -0.9 * w))
+        hub = at(cylinder(0.18 * r, 1.6 * w, 10, 0.002), (0, 0, -0.9 * w))
         face = quat_about((1, 0, 0), -np.pi / 2)
         stem_top = z - r + 0.004
         return Shape(
