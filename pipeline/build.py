@@ -77,12 +77,13 @@ def provenance(renderer: str) -> dict[str, Any]:
         "packages": packages,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "processor": _processor(),
+        "processor": processor(),
         "renderer": renderer,
     }
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Model name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
