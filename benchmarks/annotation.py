@@ -24,18 +24,18 @@ import numpy as np
 
 from benchmarks.export import drawn_episode
 from benchmarks.random_models import random_models
-from pipeline.annotate import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions, annotate
 from pipeline.annotate.agreement import flow_agreement
 from pipeline.annotate.features import load_encoder
 from pipeline.annotate.masks import load_detector, load_segmenter
 from pipeline.annotate.models import image_settings, inference, pick_device, resolve
+from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
 from pipeline.annotate.pictures import annotation_sheet
-from pipeline.annotate.runner import build_stages
+from pipeline.annotate.runner import annotate, build_stages
 from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage import Stage, directory_of, encoded_frames
 from pipeline.annotate.store import annotation_path, episode_paths, read_entry
 from pipeline.annotate.work import StageWorker
-from pipeline.episode import View, decode, open_episode
+from pipeline.episode import decode, open_episode
 
 CAMERA = "head_camera"
 
@@ -57,13 +57,6 @@ def compare(ours: Callable[[], object], floor: Callable[[], object], repeats: in
     """Least wall and CPU seconds of both, run in turns so that a busy moment meets either."""
     runs = [(timed(ours), timed(floor)) for _ in range(repeats)]
     return [(min(r[i][0] for r in runs), min(r[i][1] for r in runs)) for i in range(2)]
-
-
-def again(path: Path, camera: str) -> View:
-    """Render an episode again with its truth."""
-    from pipeline.stages.render import render_episode
-
-    return render_episode(path, preset="raster-fast", only=(camera,))[camera]
 
 
 def linked(dataset: Path, root: Path) -> Path:
@@ -269,7 +262,9 @@ def print_layout(dataset: Path, paths: Sequence[Path], root: Path) -> None:
 
 def print_errors(dataset: Path, paths: Sequence[Path], picture: Path | None) -> None:
     """Farneback against exact flow by level, and the picture of the last episode."""
-    options: dict[str, Any] = {"progress": False, "render": again}
+    from pipeline.stages.render import rerender
+
+    options: dict[str, Any] = {"render": rerender}
     annotate(dataset, ["flow"], **options)
     sim = AnnotateOptions(flow=FlowOptions(source="sim"), masks=MaskOptions(source="sim"))
     annotate(dataset, ["flow", "masks"], options=sim, **options)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pipeline.annotate import FeatureOptions, MaskOptions
+from pipeline.annotate.options import FeatureOptions, MaskOptions
 
 
 def random_models(root: Path, size: str) -> tuple[MaskOptions, FeatureOptions]:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.annotate.keys import AnnotateError
 from pipeline.annotate.stable_cv import bit_stable
 
 NORMALISATIONS = ("per_map", "shared", "fixed")
@@ -45,9 +46,9 @@ class Colour:
 
     def __post_init__(self) -> None:
         if self.normalisation not in NORMALISATIONS:
-            raise ValueError(f"flow normalisation {self.normalisation!r} is unknown: choose {', '.join(NORMALISATIONS)}")
+            raise AnnotateError(f"flow normalisation {self.normalisation!r} is unknown: choose {', '.join(NORMALISATIONS)}")
         if not (0 < self.percentile <= 100 and self.threshold >= 0 and self.full_scale > 0):
-            raise ValueError("flow colours need 0 < percentile <= 100, threshold >= 0 and full_scale > 0")
+            raise AnnotateError("flow colours need 0 < percentile <= 100, threshold >= 0 and full_scale > 0")
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:

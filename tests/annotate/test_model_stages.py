@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.annotate import AnnotateError, AnnotateOptions, FeatureOptions, MaskOptions, annotate
 from pipeline.annotate.agreement import agreement, flow_agreement, iou
+from pipeline.annotate.keys import AnnotateError
 from pipeline.annotate.masks import pack, unpack
+from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptions
 from pipeline.annotate.pictures import annotation_sheet, mask_overlay
+from pipeline.annotate.runner import annotate
 from pipeline.annotate.store import annotation_path, episode_paths, find_stage, read_entry, write_entry, write_stage
 from tests.annotate import tiny
 from tests.synthetic import HALF, episode_path, make_episode

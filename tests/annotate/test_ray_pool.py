@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 import ray
 
-from pipeline.annotate import AnnotateOptions, FlowOptions, annotate
 from pipeline.annotate.flow_stage import FlowStage
+from pipeline.annotate.options import AnnotateOptions, FlowOptions
 from pipeline.annotate.ray_pool import _leases, run_ray
+from pipeline.annotate.runner import annotate
 from pipeline.annotate.stage import Result
 from pipeline.annotate.store import episode_paths
 from tests.synthetic import episode_path, make_episode
