@@ -5,7 +5,7 @@ Writing is atomic: a temporary file beside the target, flushed to disk, then ren
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -59,8 +59,19 @@ class Episode:
     cameras: tuple[str, ...] = field(default=())
 
 
-def write_episode(path: Path, episode: Episode, views: list[View]) -> None:
-    """Write one episode atomically. Raises OSError where the disk refuses; nothing is left behind then."""
+def encode(view: View) -> NDArray[np.bytes_]:
+    """The frames of a view as JPEG bytes (T,), padded with zeros to one length."""
+    quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    coded = [cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), quality)[1].tobytes() for rgb in view.rgb]
+    return np.array(coded, dtype=f"S{max(map(len, coded))}")
+
+
+def write_episode(path: Path, episode: Episode, views: list[View], pictures: Sequence[NDArray[np.bytes_]] | None = None) -> None:
+    """Write one episode atomically; `pictures` are the encoded frames of `views` where they are at hand already.
+
+    Raises OSError where the disk refuses; nothing is left behind then.
+    """
+    coded = [encode(view) for view in views] if pictures is None else pictures
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -70,8 +81,8 @@ def write_episode(path: Path, episode: Episode, views: list[View]) -> None:
                 f.create_group(name)
             _write_header(f, episode)
             _write_log(f, episode)
-            for view in views:
-                _write_view(f.create_group(f"observation/{view.camera.name}"), view)
+            for view, frames in zip(views, coded, strict=True):
+                _write_view(f.create_group(f"observation/{view.camera.name}"), view, frames)
         with open(temporary, "rb") as done:
             os.fsync(done.fileno())
         os.replace(temporary, path)
@@ -114,10 +125,8 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     state["poses"], state["qpos"], state["qvel"], state["contacts"] = log.poses, log.qpos, log.qvel, log.contacts
 
 
-def _write_view(group: h5py.Group, view: View) -> None:
-    quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    coded = [cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), quality)[1].tobytes() for rgb in view.rgb]
-    group["rgb"] = np.array(coded, dtype=f"S{max(map(len, coded))}")
+def _write_view(group: h5py.Group, view: View, coded: NDArray[np.bytes_]) -> None:
+    group["rgb"] = coded
     group["intrinsic_cv"] = np.repeat(intrinsics(view.camera.type)[None], len(coded), 0)
     group["extrinsic_cv"] = extrinsics_cv(view.poses)
     group["cam2world_gl"] = cam2world_gl(view.poses)

@@ -83,7 +83,7 @@ def test_the_same_episode_gives_the_same_bytes_at_another_time(tmp_path, made):
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path, monkeypatch, made):
-    def full(*_):
+    def full(*_: object):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(module, "_write_view", full)
