@@ -106,7 +106,8 @@ def main() -> None:
     tries = run(specs, args.workers)
     accepted = [t for t in tries if not t.reason]
     spent = sum(t.seconds for t in tries) / max(1, len(accepted))
-    head = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {spent:.2f} s of physics and planning per accepted episode."
+    what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}"
+    head = f"{what}, {spent:.2f} s of physics and planning per accepted episode."
     text = "\n\n".join([head, hardware(), table(tries, robots), *([alphas(tries)] if len(speeds) > 1 else [])])
     print(text)
     if args.out:
