@@ -168,7 +168,6 @@ def stage_rows(dataset: Path, paths: Sequence[Path], models: tuple[MaskOptions, 
     for stage, floor, used, repeats in pairs:
         frames = sum(frame_counts(dataset, used))
         call = run_stage(stage, dataset, used)
-        floor()
         ours, bare = compare(call, floor, repeats)
         size = sum(annotation_path(dataset, directory_of(stage), p).stat().st_size for p in used) / frames
         reuse, _ = timed(lambda stage=stage, used=used: list(StageWorker(stage, dataset).run(used)))

@@ -21,7 +21,9 @@ def random_models(root: Path, size: str) -> tuple[MaskOptions, FeatureOptions]:
         Sam2Model,
         Sam2VisionConfig,
     )
+    from transformers.utils import logging
 
+    logging.disable_progress_bar()
     torch.manual_seed(0)
     full = size == "full"
     marks = {0: "[PAD]", 100: "[UNK]", 101: "[CLS]", 102: "[SEP]", 103: "[MASK]", 1012: ".", 1029: "?"}
