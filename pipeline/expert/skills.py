@@ -153,11 +153,18 @@ def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
     return act
 
 
-def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Skill:
-    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached without touching anything."""
+def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0) -> Skill:
+    """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached without touching anything.
+
+    Poses from which the hand could not draw back by `room` m are passed over where others are left.
+    """
 
     def act(a: Actor) -> Iterator[Beat]:
-        yield {side: _go(a, side, hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float))), speed)}
+        hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
+        if room > 0:
+            roomy = a.planner.solve(a, side, np.stack([backed_off(h, room) for h in hands]))[1]
+            hands = hands[roomy] if roomy.any() else hands
+        yield {side: _go(a, side, hands, speed)}
 
     return act
 
@@ -194,11 +201,11 @@ def lift(side: str, height: float, *, speed: float = 0.25) -> Skill:
 
 
 def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
-    """Draw the hand straight back along its approach axis; where the arm ends, a shorter way (at least 40 %) or as far straight up."""
+    """Draw the hand straight back along its approach axis; where the arm ends, a shorter way (at least 20 %) or straight up."""
 
     def act(a: Actor) -> Iterator[Beat]:
         start = a.tcp(side)
-        ways = [backed_off(start, distance * part) for part in (1.0, 0.8, 0.6, 0.4)]
+        ways = [backed_off(start, distance * part) for part in (1.0, 0.8, 0.6, 0.4, 0.2)]
         for goal in (*ways, lifted(start, distance), lifted(start, 0.6 * distance)):
             path = a.planner.line(side, a.q(side), goal)
             if path is not None:
@@ -244,15 +251,20 @@ def place(
     above: float = 0.10,
     press: float = 0.003,
     speed: float = 0.2,
+    out: ArrayLike = (0, 0, 1),
 ) -> Skill:
-    """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond."""
+    """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond.
+
+    `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg.
+    """
 
     def act(a: Actor) -> Iterator[Beat]:
         name = a.held.get(side, "")
+        back = np.concatenate([np.asarray(out, float), np.zeros(4)])
         local = a.frames(name)[point] if name else pose()
         bodies = resting_poses(local, onto, yaws)
         down = hand_poses(a, side, bodies)
-        over = lifted(down, above)
+        over = down + above * back
         q, ok = a.planner.solve(a, side, over)
         if not ok.any():
             raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
@@ -260,7 +272,7 @@ def place(
         order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
         reason = "place_unreachable"
         for i in order[:12]:
-            line = a.planner.line(side, q[i], lifted(down[i], -press))
+            line = a.planner.line(side, q[i], down[i] - press * back)
             if line is None:
                 continue
             reason = "place_blocked"
@@ -303,7 +315,9 @@ def press(
         if not ok.any():
             raise PlanFailure("press_unreachable", f"the {side} arm cannot hover over the spot")
         free = a.planner.checker(a, side)
-        order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
+        # a steep finger pushes down, a slanting one pushes the thing away
+        cost = np.linalg.norm(q - a.q(side), axis=1) + 2.0 * np.repeat(np.abs(np.array(pitches) - 1.35), len(down) // len(pitches))
+        order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
         for i in order[:24]:
             line = a.planner.line(side, q[i], lifted(down[i], -depth))
             if line is None or not free(q[i]) or not free(line[: len(line) * 3 // 4]):
@@ -313,7 +327,9 @@ def press(
             except PlanFailure:
                 continue
             yield {side: leg}
-            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(above + depth) / speed)}
+            down_leg = a.planner.timed(side, line, a.gripper(side), minimum=(above + depth) / speed)
+            yield {side: down_leg}
+            yield {side: Leg(down_leg.q[-1:].repeat(24, 0), down_leg.qd[-1:].repeat(24, 0) * 0, down_leg.gripper[-1:].repeat(24))}
             return
         raise PlanFailure("press_blocked", f"the {side} arm finds no free way down to the spot")
 
@@ -357,5 +373,50 @@ def shake(side: str, times: int, *, axes: Sequence[ArrayLike] = ((1, 0, 0), (0, 
                 yield {side: a.planner.line_leg(a, side, start, 10.0, pace=2.0)}
                 return
         raise PlanFailure("shake_unreachable", f"the {side} arm cannot swing its hand either way")
+
+    return act
+
+
+def rock(
+    side: str, bodies: ArrayLike, about: ArrayLike, times: int, *, angles: Sequence[float] = (0.85, 0.7, 0.6), speed: float = 2.0
+) -> Skill:
+    """Carry the held body to one of the poses `bodies` (N,7), rock it `times` times to either side, and come back to that pose.
+
+    It turns with the hand about the world axes `about` (N,3), one per pose. The first pose is taken that leaves room for the
+    widest of `angles` (rad); narrower ones are tried where there is none.
+    """
+
+    def act(a: Actor) -> Iterator[Beat]:
+        hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
+        axes = np.atleast_2d(np.asarray(about, float))
+        q, ok = a.planner.solve(a, side, hands)
+        free = a.planner.checker(a, side)
+        for angle in angles:
+            ends = [
+                np.array(
+                    [
+                        np.concatenate([h[:3], quat_multiply(quat_about(n, sign * angle), h[3:])])
+                        for h, n in zip(hands, axes, strict=True)
+                    ]
+                )
+                for sign in (1, -1)
+            ]
+            room = ok & a.planner.solve(a, side, ends[0])[1] & a.planner.solve(a, side, ends[1])[1]
+            for i in np.flatnonzero(room)[:12]:
+                out = a.planner.line(side, q[i], ends[0][i])
+                across = None if out is None else a.planner.line(side, out[-1], ends[1][i])
+                if out is None or across is None or not (free(q[i]) and free(out) and free(across)):
+                    continue
+                try:
+                    leg = a.planner.free_leg(a, side, q[i], free)
+                except PlanFailure:
+                    continue
+                yield {side: leg}
+                yield {side: a.planner.timed(side, out, a.gripper(side), speed=speed)}
+                for k in range(times):
+                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2][i], 10.0, pace=speed)}
+                yield {side: a.planner.line_leg(a, side, hands[i], 10.0, pace=speed)}
+                return
+        raise PlanFailure("rock_unreachable", f"the {side} arm finds no room to rock what it holds")
 
     return act
