@@ -8,7 +8,7 @@ from pipeline.world.simulation import PHYSICS_HZ, Simulation
 from pipeline.world.state_log import CONTACT_DTYPE, Event, StateLog
 
 CONTACT_EVERY = 8
-"""Contacts are sampled at every eighth physics step (30 Hz)."""
+"""Contacts are sampled at every eighth physics step (30 Hz), and at the step of the meeting."""
 
 
 class Recorder:
@@ -33,7 +33,7 @@ class Recorder:
     def after_step(self) -> None:
         """Note contacts and, at the end of an interval, the frame."""
         s = self.simulation
-        if s.steps % CONTACT_EVERY == 0:
+        if s.steps % CONTACT_EVERY == 0 or s.steps == s.touched_at:
             for a, b, impulse, point in s.contacts():
                 if impulse > self._open.get((a, b), (0.0, None))[0]:
                     self._open[a, b] = (impulse, point)

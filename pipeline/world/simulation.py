@@ -85,13 +85,14 @@ class Simulation:
     """One scene. `step` advances 1/240 s under a command vector [left arm, left gripper, right arm, right gripper].
 
     The target is kinematic on `motion` until the first impulse with a robot link or with a free body; from then on it is a dynamic
-    body that starts with the velocity it had. `events` then holds "meeting" and "release". `touched_by` names what touched it.
+    body that starts with the velocity it had. `events` then holds "meeting" and "release"; `touched_by` names what touched it,
+    `touched_at` the step.
     """
 
     def __init__(self, embodiment: Embodiment, bodies: Sequence[Body], target: str, motion: Motion) -> None:
         self.embodiment, self.bodies, self.target, self.motion = embodiment, tuple(bodies), target, motion
         self.steps, self.settle_steps, self.events = 0, 0, list[Event]()
-        self.released, self.touched_by = False, ""
+        self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming: tuple[Any, ...] = ()
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
@@ -237,7 +238,7 @@ class Simulation:
             other = b if a == self.target else a
             if other in self._touchers and any(np.dot(p.impulse, p.impulse) > _TOUCH_IMPULSE**2 for p in contact.points):
                 self.events += [Event("meeting", self.time), Event("release", self.time)]
-                self.touched_by = other
+                self.touched_by, self.touched_at = other, self.steps
                 self._release()
                 return
 
@@ -301,7 +302,7 @@ class Simulation:
         return compose(_array(hand.entity.pose), arm.tcp)
 
     def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64]]]:
-        """Touching pairs now: indices a < b into `names`, impulse in N s, mean contact point (3,). Pairs with the floor are left out."""
+        """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,)."""
         found: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
         table = len(self.names) - 1
         for contact in self._scene.get_contacts():
