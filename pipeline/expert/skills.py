@@ -270,12 +270,11 @@ def place(
             raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
         free = a.planner.checker(a, side)
         order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
-        reason = "place_unreachable"
-        for i in order[:12]:
-            line = a.planner.line(side, q[i], down[i] - press * back)
-            if line is None:
-                continue
-            reason = "place_blocked"
+        roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], 1.0, 0.0)
+        lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
+        ways = [(i, line) for i, line in lines if line is not None]
+        ways.sort(key=lambda way: not roomy(way[1][-1]))  # where the jaws can open without touching anything, first
+        for i, line in ways[:12]:
             if not free(q[i]):
                 continue
             try:
@@ -285,7 +284,7 @@ def place(
             yield {side: leg}
             yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(above + press) / speed)}
             return
-        raise PlanFailure(reason, f"the {side} arm cannot set {name} down there")
+        raise PlanFailure("place_blocked" if ways else "place_unreachable", f"the {side} arm cannot set {name} down there")
 
     return act
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.poses import Pose, angle_between, compose, quat_rotate
+from pipeline.poses import Pose, angle_between, compose, quat_about, quat_multiply, quat_rotate
 from pipeline.world.body import Body
 from pipeline.world.objects.contract import Frames
 from pipeline.world.robots.contract import SIDES, Embodiment
@@ -76,6 +76,11 @@ class Outcome:
         """Angle (rad) between a body's first and last orientation."""
         return angle_between(self.pose(name)[3:], self.pose(name, 0)[3:])
 
+    def astray(self, a: Pose, b: Pose, turns: int = 1) -> float:
+        """Angle (rad) between two orientations, b being as good after every 1/`turns` of a turn about its own z axis."""
+        goals = [quat_multiply(b[3:], quat_about((0, 0, 1), 2 * np.pi * k / turns)) for k in range(turns)]
+        return min(angle_between(a[3:], goal) for goal in goals)
+
     def at_rest(self, name: str, speed: float = 0.03) -> bool:
         """Whether a body moved slower than `speed` m/s over the last three frames."""
         p, t = self.log.pose(name)[-4:, :3], self.log.times[-4:]
@@ -138,6 +143,14 @@ class Outcome:
         """How many times a body's z axis swung from more than `angle` rad on one side of its mean tilt axis to the other."""
         tilt = quat_rotate(self.log.pose(name)[:, 3:], np.array([0, 0, 1.0]))[:, :2]
         axis = np.linalg.svd(tilt - tilt.mean(0), full_matrices=False)[2][0]
-        signed = np.arcsin(np.clip(tilt @ axis, -1, 1))
-        sides = np.sign(signed[np.abs(signed) > angle])
-        return int(np.count_nonzero(np.diff(sides)))
+        return _swings(tilt @ axis, angle)
+
+    def rocks(self, name: str, angle: float) -> int:
+        """How many times a body's z axis went from more than `angle` rad above the horizontal to as far below it, or back."""
+        return _swings(quat_rotate(self.log.pose(name)[:, 3:], np.array([0, 0, 1.0]))[:, 2], angle)
+
+
+def _swings(sines: NDArray[np.float64], angle: float) -> int:
+    """Changes between angles above `angle` and below -`angle` in a series of sines."""
+    sides = np.sign(sines[np.abs(sines) > np.sin(angle)])
+    return int(np.count_nonzero(np.diff(sides)))

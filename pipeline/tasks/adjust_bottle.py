@@ -1,0 +1,60 @@
+"""adjust_bottle: catch a lying bottle that moves and hold it upright."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import quat_rotate
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+CLEARANCE = 0.05
+"""Metres between the table and the foot of the bottle when it is held up."""
+
+
+@register
+class AdjustBottle(Task):
+    """Catch a bottle that lies on its side, its cap towards the middle of the table, and hold it with the cap up.
+
+    Success: held by the acting arm with the cap within 0.26 rad of straight up, 15 cm or more out on the arm's side (as in the
+    original), and its foot 2 cm or more above the table. The original asks for an absolute height of the cap instead, which ignores
+    the length of the bottle and the height of the table, and does not ask for the bottle to be upright or held.
+    """
+
+    category = INTERCEPTION
+    target = "bottle"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        inwards = 0.0 if side < 0 else np.pi
+        region = Region(x=(side * 0.08, side * 0.12), y=(-0.13, -0.08), yaw=(inwards - 0.4, inwards + 0.4))
+        yield Placement("bottle", draw.one_of("lying_bottle"), region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bottle"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["arm"], "bottle", goals=[list(self._raised(a))])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield lift(a.arms["arm"], 0.10)
+        yield carry(a.arms["arm"], self._raised(a))
+
+    def _raised(self, a: Actor) -> np.ndarray:
+        """Poses (N,7) of the bottle: upright, out on the arm's side."""
+        cap, out = a.frames("bottle")["cap"], -1 if a.arms["arm"] == "left" else 1
+        z = TABLE_TOP + CLEARANCE + 2 * cap[0]
+        spots = [upright_goal((out * x, y, z)) for x in (0.25, 0.21) for y in (-0.12, -0.05)]
+        return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        cap = o.frame("bottle", "cap")
+        foot = cap[:3] - 2 * o.bodies["bottle"].instance.frames()["cap"][0] * (up := quat_rotate(cap[3:], [0, 0, 1.0]))
+        out = -cap[0] if arms["arm"] == "left" else cap[0]
+        raised = up[2] > np.cos(0.26) and out > 0.15 and foot[2] > TABLE_TOP + 0.02
+        return bool(raised) and o.holds(arms["arm"], "bottle")

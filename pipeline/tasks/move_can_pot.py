@@ -1,0 +1,57 @@
+"""move_can_pot: catch a moving sauce can and stand it beside the pot."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import Pose
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+
+@register
+class MoveCanPot(Task):
+    """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm that caught it.
+
+    Success: can upright on the table on that side of the pot, less than 20 cm from its middle in x and 3.5 cm in y (as in the
+    original), after having been lifted 2 cm, at rest, both grippers measured open.
+    """
+
+    category = INTERCEPTION
+    target = "can"
+    workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("pot", draw.one_of("pot"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)))
+        can = Region(x=(-0.30, 0.30), y=(0.05, 0.15), yaw=(-0.79, 0.79), away_from_centre=0.20)
+        yield Placement("can", draw.one_of("sauce_can"), can, gap=0.04)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["can"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goals = resting_poses(a.frames("can")["base"], self._beside(a), ROUND)
+        yield grasp(a.arms["arm"], "can", goals=[list(goals)], standoff=0.06)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield lift(arm, 0.10)
+        yield place(arm, "base", self._beside(a), yaws=ROUND, above=0.06)
+        yield open_(arm)
+        yield retreat(arm, 0.08)
+
+    def _beside(self, a: Actor) -> Pose:
+        """Where the can shall stand: 18 cm out from the pot's middle."""
+        x, y, _ = a.pose("pot")[:3]
+        return upright_goal((x + (-0.18 if a.arms["arm"] == "left" else 0.18), y, TABLE_TOP))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        dx, dy, _ = o.offset(o.pose("can"), o.pose("pot"))
+        out = -dx if arms["arm"] == "left" else dx
+        beside = 0 < out < 0.20 and abs(dy) < 0.035
+        stands = o.highest_rise("can") > 0.02 and o.upright("can") and o.rests_on("can", "table")
+        return bool(beside) and stands and o.grippers_open()

@@ -1,0 +1,52 @@
+"""move_playingcard_away: catch a moving deck of cards and put it aside."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import Pose
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+
+@register
+class MovePlayingcardAway(Task):
+    """Catch a moving deck of cards near the middle of the table and set it down far out on the side of the arm.
+
+    Success: deck more than 23 cm out on the acting arm's side (as in the original, which does not ask which side), flat and at
+    rest on the table after having been lifted 2 cm, both grippers measured open. Without the lift a deck could get there by itself.
+    """
+
+    category = INTERCEPTION
+    target = "cards"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        region = Region(x=(-0.10, 0.10), y=(-0.20, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.05)
+        yield Placement("cards", draw.one_of("playing_cards"), region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["cards"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goals = resting_poses(a.frames("cards")["base"], self._aside(a), ROUND)
+        yield grasp(a.arms["arm"], "cards", goals=[list(goals)])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield lift(arm, 0.10)
+        yield place(arm, "base", self._aside(a), yaws=ROUND)
+        yield open_(arm)
+        yield retreat(arm, 0.08)
+
+    def _aside(self, a: Actor) -> Pose:
+        """Where the deck shall lie: 28 cm out, level with the middle of the region it comes from."""
+        return upright_goal((-0.28 if a.arms["arm"] == "left" else 0.28, -0.08, TABLE_TOP))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        x = o.pose("cards")[0]
+        aside = (-x if arms["arm"] == "left" else x) > 0.23
+        lies = o.highest_rise("cards") > 0.02 and o.upright("cards") and o.rests_on("cards", "table")
+        return bool(aside) and lies and o.grippers_open()

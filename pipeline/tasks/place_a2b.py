@@ -1,0 +1,63 @@
+"""What place_a2b_left and place_a2b_right share: catch a moving object and set it down beside another one."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import Pose
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects.contract import FAMILIES
+
+KINDS = (
+    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box", "coffee_box",
+    "soap",
+)  # fmt: skip
+DISTANCE = 0.13
+
+
+class PlaceBeside(Task):
+    """Object A moves, object B, of another kind, lies still. `direction` is -1 where A shall come to stand left of B, +1 right."""
+
+    category = INTERCEPTION
+    target = "a"
+    workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
+    direction: ClassVar[int]
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        near = draw.uniform(-0.20, -0.10)
+        far = draw.uniform(near + 0.10, 0.0)
+        ys = (near, far) if draw.side() > 0 else (far, near)
+        # B stands where its free side is in reach of the arm beside A: in the middle, or on A's half beyond the goal
+        x = (-0.10, 0.10) if side == self.direction else (side * 0.18, side * 0.23)
+        b = draw.one_of(*KINDS)
+        a = draw.one_of(*(kind for kind in KINDS if FAMILIES[kind] is not type(b)))
+        yield Placement("b", b, Region(x=x, y=(ys[1], ys[1]), yaw=(-3.14, 3.14)))
+        yield Placement("a", a, Region(x=(side * 0.03, side * 0.22), y=(ys[0], ys[0]), yaw=(-3.14, 3.14)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["a"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goals = resting_poses(a.frames("a")["base"], self._beside(a), ROUND)
+        yield grasp(a.arms["arm"], "a", goals=[list(goals)])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield lift(arm, 0.10)
+        yield place(arm, "base", self._beside(a), yaws=ROUND)
+        yield open_(arm)
+        yield retreat(arm, 0.08)
+
+    def _beside(self, a: Actor) -> Pose:
+        x, y, _ = a.pose("b")[:3]
+        return upright_goal((x + self.direction * DISTANCE, y, TABLE_TOP))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        dx, dy, _ = o.offset(o.pose("a"), o.pose("b"))
+        beside = self.direction * dx > 0 and 0.08 < (dx**2 + dy**2) ** 0.5 < 0.20 and abs(dy) < 0.05
+        return bool(beside) and o.highest_rise("a") > 0.02 and o.rests_on("a", "table") and o.grippers_open()

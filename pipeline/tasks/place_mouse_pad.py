@@ -1,0 +1,53 @@
+"""place_mouse_pad: set a computer mouse down on a moving pad."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np.pi))
+
+
+@register
+class PlaceMousePad(Task):
+    """Grasp a computer mouse and set it down along a pad that moves, buttons to either end.
+
+    Success: base of the mouse within 1.5 cm in x and 1.2 cm in y of the pad's centre and within 0.3 rad of its long side, resting
+    on it, both grippers measured open: the original's static tolerances (its angle, as a product of quaternion components, is 0.32)
+    and pad (7 x 13 cm), not the looser dynamic ones on a larger pad.
+    """
+
+    category = TRACKING
+    target, manipulated = "pad", "mouse"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        mouse = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
+        yield Placement("mouse", draw.one_of("mouse"), mouse)
+        pad = draw.one_of("pad", half=(0.035, 0.065), thickness=0.004)
+        yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["mouse"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, centre = a.arms["arm"], a.frame("pad", "centre")
+        goals = resting_poses(a.frames("mouse")["base"], centre, EITHER_WAY)
+        yield grasp(arm, "mouse", goals=[list(goals)])
+        yield lift(arm, 0.10)
+        yield place(arm, "base", centre, yaws=EITHER_WAY)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield open_(a.arms["arm"])
+        yield retreat(a.arms["arm"], 0.08)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        base, centre = o.frame("mouse", "base"), o.frame("pad", "centre")
+        d = abs(o.offset(base, centre))
+        near = d[0] < 0.015 and d[1] < 0.012 and o.astray(base, centre, turns=2) < 0.3
+        return bool(near) and o.rests_on("mouse", "pad") and o.grippers_open()

@@ -1,0 +1,39 @@
+"""press_stapler: press down on a moving stapler."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import close, lift, press
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class PressStapler(Task):
+    """Press the arm of a moving stapler near its mouth with the closed fingers of the arm beside it.
+
+    Success: a finger of the acting arm touched the stapler within 2.7 cm (plane, per axis, and height) of the place to press: the
+    tighter of the original's two tolerances, for data and evaluation alike.
+    """
+
+    category = TRACKING
+    target = "stapler"
+    workspace = Workspace(-0.35, 0.35, -0.20, 0.20)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("stapler", draw.one_of("stapler"), Region(x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=(-3.14, 3.14)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["stapler"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield close(a.arms["arm"])
+        yield press(a.arms["arm"], a.frame("stapler", "press"))
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield lift(a.arms["arm"], 0.06)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        return o.touched(arms["arm"], "stapler", "press", plane=0.027, height=0.027)

@@ -1,0 +1,41 @@
+"""A capped bottle that lies on its side, its cap towards +x."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.poses import Pose, compose, pose, quat_about
+from pipeline.world.objects.contract import Frames, Words, register
+from pipeline.world.objects.families.bottle import Bottle
+from pipeline.world.objects.grasping import bar_pinches
+from pipeline.world.objects.kit import mark
+from pipeline.world.shapes import Shape
+
+
+@register("lying_bottle")
+@dataclass(frozen=True)
+class LyingBottle(Bottle):
+    """The origin is under the middle of its length, where it touches the table. Frame "cap" is the cap's end, z out of the bottle."""
+
+    @property
+    def _laid(self) -> Pose:
+        """Pose of the standing bottle in this frame."""
+        return pose((-self.height / 2, 0, self.radius), quat_about((0, 1, 0), np.pi / 2))
+
+    def shape(self) -> Shape:
+        standing = super().shape()
+        return replace(
+            standing,
+            visual=tuple((mesh.moved(self._laid), skin) for mesh, skin in standing.visual),
+            collision=tuple(replace(c, pose=compose(self._laid, c.pose)) for c in standing.collision),
+        )
+
+    def frames(self) -> Frames:
+        r, end = self.radius, self.height / 2
+        along = [share * self.body - end for share in (0.3, 0.45, 0.6, 0.75)]
+        points = {"base": mark(0, 0, 0), "top": mark(0, 0, 2 * r), "cap": mark(end, 0, r, (1, 0, 0), (0, 0, -1))}
+        return Frames(points, bar_pinches(along, r, r, kind="body"))
+
+    def words(self) -> Words:
+        standing = super().words()
+        return Words(standing.noun, (*standing.seen, "lying bottle"), (*standing.unseen, f"toppled {self.colour} bottle"))
