@@ -53,5 +53,6 @@ def main() -> None:
         print(f"domino-data: {error}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
-        print(f"domino-data: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"domino-data: {where}{error.strerror or ' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.dataset import code_version
 from pipeline.episode import EpisodeError, EpisodeFile, View
 from pipeline.stages.stage_set import Stage, set_stage
@@ -18,6 +21,22 @@ def visuals_of(stage: Stage) -> Visuals:
     return draw_visuals(stage.spec.rng("visuals"), stage.spec.domain)
 
 
+def renderer(
+    stage: Stage, *, camera: str = "D435", preset: str = "raster", only: Sequence[str] | None = None, visuals: Visuals | None = None
+) -> Renderer:
+    """The scene of an episode ready to be drawn from the head and wrist cameras, or from those named in `only`; close it after."""
+    bodies = {name: body.instance.shape().visual for name, body in stage.bodies.items()}
+    for side in SIDES:
+        bodies |= {f"{side}_{link.name}": link.visual for link in stage.embodiment.arms[side].links}
+    cameras = [c for c in cameras_of(stage.embodiment, camera) if only is None or c.name in only]
+    return Renderer(bodies, stage.embodiment.furniture, cameras, visuals or visuals_of(stage), preset)
+
+
+def body_poses(log: StateLog) -> dict[str, NDArray[np.float64]]:
+    """Poses (T,7) of all bodies of a log by name, as the renderer takes them."""
+    return {name: log.poses[:, i] for i, name in enumerate(log.bodies)}
+
+
 def render(
     stage: Stage,
     log: StateLog,
@@ -30,14 +49,8 @@ def render(
     visuals: Visuals | None = None,
 ) -> list[View]:
     """Pictures of every frame from the head and wrist cameras, or from those named in `only`."""
-    bodies = {name: body.instance.shape().visual for name, body in stage.bodies.items()}
-    for side in SIDES:
-        bodies |= {f"{side}_{link.name}": link.visual for link in stage.embodiment.arms[side].links}
-    cameras = [c for c in cameras_of(stage.embodiment, camera) if only is None or c.name in only]
-    poses = {name: log.pose(name) for name in bodies}
-    look = visuals or visuals_of(stage)
-    with Renderer(bodies, stage.embodiment.furniture, cameras, look, preset) as renderer:
-        return renderer.render(poses, depth=depth, segmentation=segmentation)
+    with renderer(stage, camera=camera, preset=preset, only=only, visuals=visuals) as drawing:
+        return drawing.render(body_poses(log), depth=depth, segmentation=segmentation)
 
 
 def rerender(path: Path, camera: str) -> View:
