@@ -11,8 +11,8 @@ from typing import Any
 from pipeline.dataset import Dataset, asset_version, code_version, write_atomic
 from pipeline.engine import Progress, run
 from pipeline.expert.warm import compiled, warm_up
-from pipeline.export.report import write_report
 from pipeline.manifest import Recipe
+from pipeline.report_page import refresh
 from pipeline.stages.slot import SlotJob, fill_slot
 from pipeline.world.vulkan import ensure_renderer
 
@@ -47,11 +47,10 @@ def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool =
             progress.add(record.attempts)
     finally:
         progress.close()
-        table = dataset.write_attempts(recipe)
+        dataset.write_attempts(recipe)
         write_atomic(dataset.root / "provenance.json", json.dumps(provenance(device), indent=2, sort_keys=True).encode())
     records = [record for _, record in dataset.records(recipe)]
-    accepted = [dataset.episode(slot) for slot, record in dataset.records(recipe) if record.accepted]
-    write_report(root, accepted, table)
+    refresh(dataset)
     rows = [row for record in records for row in record.attempts]
     return BuildResult(
         slots=len(slots),

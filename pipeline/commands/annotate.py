@@ -32,6 +32,8 @@ def annotate(
     from pipeline.annotate.flow import Colour, Farneback
     from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
     from pipeline.annotate.runner import annotate as run
+    from pipeline.dataset import Dataset
+    from pipeline.report_page import refresh
     from pipeline.stages.render import rerender
 
     try:
@@ -58,6 +60,8 @@ def annotate(
         render=rerender,
         device=device,
     )
+    if not dry_run:
+        refresh(Dataset(dataset))
     lines = []
     for s in values["stages"]:
         lines.append(
