@@ -54,5 +54,5 @@ def main() -> None:
         sys.exit(2)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"domino-data: {where}{error.strerror or ' '.join(str(error).split())}", file=sys.stderr)
+        print(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}", file=sys.stderr)
         sys.exit(2)

@@ -19,19 +19,24 @@ def pose(position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) 
     return np.concatenate([np.asarray(position, float), q / np.linalg.norm(q)])
 
 
+# Written out by component: numpy's own cross and moveaxis cost far more than the arithmetic on the few numbers of a pose.
+
+
 def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     """Hamilton product of quaternions wxyz, `(..., 4)` x `(..., 4)` -> `(..., 4)`."""
-    aw, ax, ay, az = np.moveaxis(np.asarray(a, float), -1, 0)
-    bw, bx, by, bz = np.moveaxis(np.asarray(b, float), -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
+    _multiply(a, b, out)
+    return out
+
+
+def _multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    out[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
 
 
 def quat_conjugate(q: ArrayLike) -> NDArray[np.float64]:
@@ -42,9 +47,19 @@ def quat_conjugate(q: ArrayLike) -> NDArray[np.float64]:
 def quat_rotate(q: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
     """Rotate vectors `(..., 3)` by unit quaternions wxyz `(..., 4)`."""
     q, v = np.asarray(q, float), np.asarray(v, float)
-    u, w = q[..., 1:], q[..., :1]
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
+    out = np.empty((*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 3))
+    _rotate(q, v, out)
+    return out
+
+
+def _rotate(q: NDArray[np.float64], v: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """v + w t + u x t with u the vector part and t = 2 u x v."""
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    a, b, c = v[..., 0], v[..., 1], v[..., 2]
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    out[..., 0] = a + w * tx + (y * tz - z * ty)
+    out[..., 1] = b + w * ty + (z * tx - x * tz)
+    out[..., 2] = c + w * tz + (x * ty - y * tx)
 
 
 def quat_about(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
@@ -80,15 +95,13 @@ def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
 
 def quat_to_matrix(q: ArrayLike) -> NDArray[np.float64]:
     """Unit quaternions wxyz `(..., 4)` -> rotation matrices `(..., 3, 3)`."""
-    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        -2,
-    )
+    q = np.asarray(q, float)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    out = np.empty((*q.shape[:-1], 3, 3))
+    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return out
 
 
 def frame(position: ArrayLike, x_axis: ArrayLike, y_axis: ArrayLike) -> Pose:
@@ -104,15 +117,22 @@ def frame(position: ArrayLike, x_axis: ArrayLike, y_axis: ArrayLike) -> Pose:
 def compose(a: ArrayLike, b: ArrayLike) -> Pose:
     """Pose product a * b, `(..., 7)` x `(..., 7)` -> `(..., 7)`."""
     a, b = np.asarray(a, float), np.asarray(b, float)
-    p = a[..., :3] + quat_rotate(a[..., 3:], b[..., :3])
-    return np.concatenate([p, quat_multiply(a[..., 3:], b[..., 3:])], axis=-1)
+    out = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
+    _rotate(a[..., 3:], b[..., :3], out[..., :3])
+    out[..., :3] += a[..., :3]
+    _multiply(a[..., 3:], b[..., 3:], out[..., 3:])
+    return out
 
 
 def inverse(a: ArrayLike) -> Pose:
     """Inverse pose, `(..., 7)`."""
     a = np.asarray(a, float)
-    q = quat_conjugate(a[..., 3:])
-    return np.concatenate([-quat_rotate(q, a[..., :3]), q], axis=-1)
+    out = np.empty(a.shape)
+    out[..., 3] = a[..., 3]
+    out[..., 4:] = -a[..., 4:]
+    _rotate(out[..., 3:], a[..., :3], out[..., :3])
+    out[..., :3] *= -1.0
+    return out
 
 
 def transform(a: ArrayLike, points: ArrayLike) -> NDArray[np.float64]:
