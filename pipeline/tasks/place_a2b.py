@@ -13,8 +13,8 @@ from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES
 
 KINDS = (
-    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box", "coffee_box",
-    "soap",
+    "mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "wooden_block", "tea_box",
+    "coffee_box", "soap",
 )  # fmt: skip
 DISTANCE = 0.13
 

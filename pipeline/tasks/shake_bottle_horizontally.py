@@ -42,7 +42,7 @@ class ShakeBottleHorizontally(Task):
         yield rock(a.arms["arm"], *self._tipped(a), times=6)
 
     def _tipped(self, a: Actor, lean: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes (N,3) across it to rock about."""
+        """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes (N,3) across it."""
         middle, out = a.frames("bottle")["middle"][2], -1 if a.arms["arm"] == "left" else 1
         poses, axes = [], []
         for heading in (0.0, np.pi, 0.5, -0.5, np.pi - 0.5, np.pi + 0.5):

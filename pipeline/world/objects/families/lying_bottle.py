@@ -15,7 +15,7 @@ from pipeline.world.shapes import Shape
 @register("lying_bottle")
 @dataclass(frozen=True)
 class LyingBottle(Bottle):
-    """The origin is under the middle of its length, where it touches the table. Frame "cap" is the cap's end, z out of the bottle."""
+    """The origin is under the middle of its length, where it touches the table; frame "cap" looks out of the bottle."""
 
     @property
     def _laid(self) -> Pose:
@@ -38,4 +38,4 @@ class LyingBottle(Bottle):
 
     def words(self) -> Words:
         standing = super().words()
-        return Words(standing.noun, (*standing.seen, "lying bottle"), (*standing.unseen, f"toppled {self.colour} bottle"))
+        return Words(standing.noun, (*standing.seen[:7], "lying bottle"), (*standing.unseen, f"toppled {self.colour} bottle"))
