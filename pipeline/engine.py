@@ -47,8 +47,8 @@ def _run_on_ray(work: Work, jobs: Iterable[Any], workers: int) -> Iterator[tuple
     local: dict[str, Any] = {} if address else {"num_cpus": workers, "include_dashboard": False}
     ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env={"env_vars": SINGLE_THREAD}, **local)
     try:
-        remote = ray.remote(num_cpus=1, max_restarts=0)(_Worker)
-        idle = [remote.remote(work) for _ in range(workers)]
+        actor_of: Any = ray.remote(num_cpus=1, max_restarts=0)(_Worker)
+        idle = [actor_of.remote(work) for _ in range(workers)]
         pending: dict[Any, tuple[Any, Any]] = {}
         queue = iter(jobs)
         job = next(queue, None)

@@ -28,7 +28,7 @@ def back_calculate(stage: Stage, dry: DryRun, *, camera: str, lead: float, speed
 
     def seen(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """The frustum test of the head camera for the middle of the target along each path."""
-        return visible(head.type, head.pose, points + half, FRAME_MARGIN).all(-1)
+        return np.asarray(visible(head.type, head.pose, points + half, FRAME_MARGIN).all(-1))
 
     clearance = Clearance(stage, dry)
     try:

@@ -43,7 +43,7 @@ def dry_run(stage: Stage, fps: int) -> DryRun:
                 raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
             actor.perform(skill)
         half = len(actor.stream.commands)
-        held, sweep = dict(actor.held), np.array(actor.sweep)
+        held, sweep, actor.sweeping = dict(actor.held), np.array(actor.sweep), False
         meeting = next((e.time for e in actor.simulation.events if e.name == "meeting"), None)
         if meeting is None:
             raise Failure(STAGE, "no_meeting", f"nothing touched the {task.target}")
