@@ -22,7 +22,7 @@ Skill = Callable[["Actor"], Iterator[Beat]]
 """A skill plans beat by beat: what comes after a yield is planned from the state the beat led to. Raises PlanFailure."""
 
 SWEEP_EVERY = 4
-"""The sweep keeps every fourth physics step (60 Hz)."""
+"""While `sweeping`, the sweep keeps every fourth physics step (60 Hz)."""
 
 
 @dataclass(eq=False)
@@ -55,6 +55,7 @@ class Actor:
         self.expected: dict[str, NDArray[np.float64]] = {}
         self.stream = Stream([], [])
         self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
+        self.sweeping = False
         self._frames: dict[str, Frames] = {}
 
     @property
@@ -135,7 +136,7 @@ class Actor:
         self.recorder.after_step()
         self.stream.commands.append(command)
         self.stream.velocities.append(velocity)
-        if self.simulation.steps % SWEEP_EVERY == 0:
+        if self.sweeping and self.simulation.steps % SWEEP_EVERY == 0:
             self.sweep.append(self.simulation.poses())
 
     def wait(self, seconds: float) -> None:

@@ -35,6 +35,7 @@ def dry_run(stage: Stage, fps: int) -> DryRun:
     task = stage.task
     end = stage.bodies[task.target].pose
     actor = stage.start(TargetMotion.still(end, 1.0), fps, STAGE)
+    actor.sweeping = True
     with failing_as(STAGE, actor):
         last_began = 0.0
         for skill in task.meet(actor):

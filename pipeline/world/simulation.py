@@ -6,6 +6,7 @@ SAPIEN 3 on CPU PhysX. Fresh simulations that are given the same commands produc
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -68,6 +69,23 @@ def _pieces(pieces: Sequence[Collider], material: Any, mass: float) -> list[Any]
     return shapes
 
 
+@lru_cache(maxsize=16)
+def _arm_builder(arm: Arm, side: str) -> Any:
+    """What SAPIEN makes of an arm's URDF, without a scene: parsing takes longer than 0.1 s of simulation."""
+    loader = sapien.Scene([sapien.physx.PhysxCpuSystem()]).create_urdf_loader()
+    loader.fix_root_link = True
+    loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
+    with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+        file.write(arm_urdf(arm))
+        file.flush()
+        builder = loader.parse(file.name)[0][0]
+    for link in builder.link_builders:
+        link.visual_records.clear()
+        # the same id and ignore bit: no contacts inside one arm, contacts between the arms
+        link.collision_groups = [1, 1, 1 << 29, 1 + SIDES.index(side)]
+    return builder
+
+
 class _Standing:
     """A motion that stands still at a pose."""
 
@@ -106,7 +124,10 @@ class Simulation:
         self._robots = {side: self._add_arm(side, embodiment.arms[side]) for side in SIDES}
         self._rigid[target].set_kinematic(True)
         self._free = {b.name for b in self.bodies if not b.fixed and b.name != target}
-        self._link_names = tuple(f"{side}_{link.name}" for side in SIDES for link in self._links(side))
+        links = {side: self._robots[side].links for side in SIDES}
+        self._link_names = tuple(f"{side}_{link.name}" for side in SIDES for link in links[side])
+        self._posed = [*self._entities.values(), *(link.entity for side in SIDES for link in links[side])]
+        self._hands = {side: next(x.entity for x in links[side] if x.name == embodiment.arms[side].hand) for side in SIDES}
         self.names = (*(b.name for b in self.bodies), *self._link_names, "table")
         self._index = {name: i for i, name in enumerate(self.names)}
         self._touchers = set(self._link_names) | self._free
@@ -139,17 +160,8 @@ class Simulation:
         return entity
 
     def _add_arm(self, side: str, arm: Arm) -> sapien.physx.PhysxArticulation:
-        loader = self._scene.create_urdf_loader()
-        loader.fix_root_link = True
-        loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
-        with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-            file.write(arm_urdf(arm))
-            file.flush()
-            builder = loader.parse(file.name)[0][0]
-        for link in builder.link_builders:
-            link.visual_records.clear()
-            # the same id and ignore bit: no contacts inside one arm, contacts between the arms
-            link.collision_groups = [1, 1, 1 << 29, 1 + SIDES.index(side)]
+        builder = _arm_builder(arm, side)
+        builder.set_scene(self._scene)
         robot = builder.build()
         robot.set_root_pose(_pose(arm.base))
         for link in robot.links:
@@ -171,9 +183,6 @@ class Simulation:
         )
         robot.set_qpos(np.array([qpos[j.name] for j in active]))
         return robot
-
-    def _links(self, side: str) -> list[Any]:
-        return self._robots[side].links
 
     def home_vector(self) -> NDArray[np.float64]:
         """Command vector with both arms at home and both grippers open."""
@@ -272,9 +281,8 @@ class Simulation:
 
     def poses(self) -> NDArray[np.float64]:
         """World poses (B, 7) of all bodies, links and the table, in the order of `names`."""
-        entities = [*self._entities.values(), *(link.entity for side in SIDES for link in self._links(side))]
-        out = np.empty((len(entities) + 1, 7))
-        for row, entity in zip(out, entities, strict=False):
+        out = np.empty((len(self._posed) + 1, 7))
+        for row, entity in zip(out, self._posed, strict=False):
             p = entity.pose
             row[:3], row[3:] = p.p, p.q
         out[-1] = (0, 0, TABLE_TOP, 1, 0, 0, 0)
@@ -297,9 +305,7 @@ class Simulation:
 
     def tcp(self, side: str) -> Pose:
         """Measured tcp pose (7,) of one arm."""
-        arm = self.embodiment.arms[side]
-        hand = next(link for link in self._links(side) if link.name == arm.hand)
-        return compose(_array(hand.entity.pose), arm.tcp)
+        return compose(_array(self._hands[side].pose), self.embodiment.arms[side].tcp)
 
     def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64]]]:
         """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,)."""
@@ -313,12 +319,10 @@ class Simulation:
             pair = (min(a, b), max(a, b))
             if pair[1] == table and pair in found:
                 continue  # which of its many pieces stands on the table is of no interest
-            impulse, where, n = np.zeros(3), np.zeros(3), 0
-            for p in contact.points:
-                push = p.impulse
-                if push.any():
-                    impulse, where, n = impulse + push, where + p.position, n + 1
-            strength = math.sqrt(float(impulse @ impulse))
+            points = contact.points
+            pushes = np.array([p.impulse for p in points], float)
+            strength = math.hypot(*pushes.sum(0)) if len(points) else 0.0
             if strength > _TOUCH_IMPULSE and strength > found.get(pair, (0.0,))[0]:
-                found[pair] = (strength, where / n)
+                pushing = pushes.any(1)
+                found[pair] = (strength, np.array([p.position for p in points], float)[pushing].mean(0))
         return [(a, b, impulse, point) for (a, b), (impulse, point) in found.items()]
