@@ -39,14 +39,21 @@ def close(side: str) -> Skill:
     return act
 
 
-def open_(side: str) -> Skill:
-    """Open the gripper; whatever it held is let go."""
+def open_(side: str, by: float | None = None) -> Skill:
+    """Open the gripper, all the way or only `by` m wider than it is measured to be; whatever it held is let go."""
 
     def act(a: Actor) -> Iterator[Beat]:
         a.held.pop(side, None)
-        yield _jaws(a, side, 1.0)
+        yield _jaws(a, side, 1.0 if by is None else _wider(a, side, by))
 
     return act
+
+
+def _wider(a: Actor, side: str, by: float) -> float:
+    """Gripper value `by` m wider than the measured opening."""
+    gripper = a.planner.embodiment.arms[side].gripper
+    measured = a.planner.split(a.simulation.state_vector(a.simulation.qpos()[0]))[side][1]
+    return min(1.0, measured + by / gripper.max_opening)
 
 
 def grasp(
@@ -252,10 +259,12 @@ def place(
     press: float = 0.003,
     speed: float = 0.2,
     out: ArrayLike = (0, 0, 1),
+    opening: float | None = None,
 ) -> Skill:
     """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond.
 
     `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg.
+    Ways at whose end the jaws have room to open (by `opening` m, or all the way) are preferred.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
@@ -270,7 +279,8 @@ def place(
             raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
         free = a.planner.checker(a, side)
         order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
-        roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], 1.0, 0.0)
+        jaws = 1.0 if opening is None else _wider(a, side, opening)
+        roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], jaws, 0.0)
         lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
         ways = [(i, line) for i, line in lines if line is not None]
         ways.sort(key=lambda way: not roomy(way[1][-1]))  # where the jaws can open without touching anything, first

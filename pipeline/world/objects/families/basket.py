@@ -13,7 +13,7 @@ from pipeline.world.objects.grasping import bar_pinches, turned
 from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
 from pipeline.world.shapes import Mesh, Shape
 
-LENGTH = (0.085, 0.105)  # half extent along x
+LENGTH = (0.105, 0.125)  # half extent along x
 WALL = 0.006
 TONES = ("tan", "brown", "beige", "gold", "rust", "white", "gray", "charcoal", "red", "teal", "navy", "mint", "pink")
 
@@ -89,8 +89,8 @@ class Basket(Family):
                 "handle": mark(0, 0, bar),
                 "inside": floor,
                 "centre": floor,
-                "left": mark(-0.5 * self.hx, 0, WALL),
-                "right": mark(0.5 * self.hx, 0, WALL),
+                "left": mark(-0.56 * self.hx, 0, WALL),
+                "right": mark(0.56 * self.hx, 0, WALL),
                 "rim": mark(0, 0, self.height),
             },
             turned(handle, np.pi / 2),

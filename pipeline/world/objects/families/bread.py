@@ -109,7 +109,14 @@ class Bread(Family):
     def frames(self) -> Frames:
         a, b = self.length / 2, self.width / 2
         offsets = (0.0,) if self.form in ("bun", "roll") else (-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,)
-        grasps = box_pinches(a, b, self.height / 2, heights=(max(0.4 * self.height, 0.014), 0.022), offsets=offsets, axes="y")
+        grasps = box_pinches(
+            a,
+            b,
+            self.height / 2,
+            heights=(max(0.4 * self.height, 0.014), 0.022),
+            offsets=offsets,
+            axes="xy" if self.form in ("bun", "roll") else "y",
+        )
         return Frames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
 
     def words(self) -> Words:

@@ -89,13 +89,16 @@ class Microphone(Family):
         )
 
     def frames(self) -> Frames:
-        def grips(share: float, kind: str) -> list[Grasp]:
+        def grips(share: float, kind: str, lean: int) -> list[Grasp]:
+            """Pinches whose hand leans back over the tail (lean 1) or over the head (-1), so that two hands find room."""
             point = self.axis(share)
             radius = self.tail + (self.neck - self.tail) * share / 0.82
-            return list(bar_pinches([float(point[0])], radius, float(point[2]), kind=kind, rolls=(-15, 0, 15)))
+            pitches = (15, 30, 45, 60, 75, 90)
+            found = bar_pinches([float(point[0])], radius, float(point[2]), pitches, kind=kind, rolls=(-30, -15, 0, 15, 30))
+            return [g for g in found if lean * quat_rotate(g.pose[3:], (1, 0, 0))[0] > -1e-6]
 
-        tail = [g for s in (0.14, 0.24) for g in grips(s, "tail")]
-        neck = [g for s in (0.58, 0.68) for g in grips(s, "neck")]
+        tail = [g for s in (0.08, 0.16) for g in grips(s, "tail", 1)]
+        neck = [g for s in (0.58, 0.70) for g in grips(s, "neck", -1)]
         end = self.axis(1.0)
         top = float(end[2] + self.head)
         out = self.axis(1.0) - self.axis(0.0)

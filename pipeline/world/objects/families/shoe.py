@@ -131,13 +131,22 @@ class Shoe(Family):
         )
 
     def frames(self) -> Frames:
-        heel = self.half * 0.755
         x = float(self.x(0.2))
         z = 0.62 * self.height
         top = self.height
-        grasps = box_pinches(
-            0.1 * self.length, heel, top / 2, (x, 0, top / 2), heights=(0.4 * top, 0.5 * top), offsets=(-0.5, 0.0, 0.5), axes="y"
-        )
+        grasps = [
+            g
+            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.42, (0.0,)))
+            for g in box_pinches(
+                0.1 * self.length,
+                self.half * 0.97 * float(np.interp(share, STATIONS, WIDTHS)),
+                self._top(share) / 2,
+                (float(self.x(share)), 0, self._top(share) / 2),
+                heights=(0.5 * self._top(share), 0.65 * self._top(share)),
+                offsets=offsets,
+                axes="y",
+            )
+        ]
         return Frames(
             {
                 "base": mark(0, 0, 0),

@@ -1,0 +1,65 @@
+"""handover_mic: catch a moving microphone and hand it to the other arm."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import carry, grasp, lift, open_, retreat
+from pipeline.poses import yawed
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import OPEN, Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+RECEIVED = 0.06
+
+
+@register
+class HandoverMic(Task):
+    """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other arm.
+
+    Success: the receiving gripper holds it with both fingers, the giving one is measured open and does not touch it, and the
+    microphone is 6 cm or more above where it lay (the original's 0.92 m is an absolute height).
+    """
+
+    category = INTERCEPTION
+    step_limit = 600
+    target = "microphone"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        region = Region(x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.18)
+        yield Placement("microphone", draw.one_of("microphone"), region)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        giver = side_of(bodies["microphone"])
+        return {"giver": giver, "receiver": "right" if giver == "left" else "left"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        giver = a.arms["giver"]
+        yield grasp(giver, "microphone", kinds=("tail",), goals=[list(self._exchange(giver))], pitch=1.2)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        giver, receiver = a.arms["giver"], a.arms["receiver"]
+        yield lift(giver, 0.10)
+        yield carry(giver, self._exchange(giver), room=0.08)
+        yield grasp(receiver, "microphone", kinds=("neck",), pitch=0.6)
+        yield open_(giver)
+        yield retreat(giver, 0.10)
+
+    def _exchange(self, giver: str) -> np.ndarray:
+        """Poses (N,7) of the microphone at which it may change hands: level in the air, its head towards the receiver."""
+        ahead = 0.0 if giver == "left" else np.pi
+        return np.stack(
+            [
+                yawed((x, y, TABLE_TOP + z), ahead + turn)
+                for z in (0.20, 0.15, 0.10)
+                for y in (-0.10, -0.05, -0.15)
+                for x in (0.0, -0.04, 0.04)
+                for turn in (0.0, 0.4, -0.4, 0.8, -0.8)
+            ]
+        )
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        giver, receiver = arms["giver"], arms["receiver"]
+        given = o.opening(giver) > OPEN and not any(o.touching(f, "microphone") for f in o.fingers(giver))
+        return given and o.holds(receiver, "microphone") and o.rise("microphone") > RECEIVED

@@ -1,0 +1,50 @@
+"""place_bread_basket: lay bread in a moving bread basket."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class PlaceBreadBasket(Task):
+    """Grasp a piece of bread and lay it in a bread basket that moves.
+
+    Success: bread within 5 cm (plane, per axis, as in the original) of the middle of the basket, resting on the basket and not on
+    the table, both grippers measured open. One piece of bread, as in the original's dynamic version, at every level.
+    """
+
+    category = TRACKING
+    step_limit = 700
+    target, manipulated = "basket", "bread"
+    workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        bread = Region(x=(side * 0.15, side * 0.27), y=(-0.20, 0.05), yaw=(-0.8, 0.8))
+        yield Placement("bread", draw.one_of("bread"), bread)
+        basket = Region(x=(side * -0.05, side * 0.25), y=(-0.10, 0.10), yaw=(-3.14, 3.14))
+        yield Placement("basket", draw.one_of("bread_basket"), basket)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bread"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, inside = a.arms["arm"], a.frame("basket", "inside")
+        goals = resting_poses(a.frames("bread")["base"], inside, ROUND)
+        yield grasp(arm, "bread", goals=[list(goals)])
+        yield lift(arm, 0.12)
+        yield place(arm, "base", inside, yaws=ROUND, above=0.08)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield open_(a.arms["arm"])
+        yield lift(a.arms["arm"], 0.10)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        d = abs(o.offset(o.frame("bread", "base"), o.frame("basket", "inside")))
+        inside = d[0] < 0.05 and d[1] < 0.05 and not o.touching("bread", "table")
+        return bool(inside) and o.rests_on("bread", "basket") and o.grippers_open()

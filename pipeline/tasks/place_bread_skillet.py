@@ -1,0 +1,68 @@
+"""place_bread_skillet: catch moving bread and lay it in a skillet that the other arm holds up."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, carry, grasp, lift, open_, place
+from pipeline.poses import yawed
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+HELD_UP = 0.02
+
+
+@register
+class PlaceBreadSkillet(Task):
+    """Catch a moving piece of bread, lift the skillet by its handle with the other arm, and lay the bread in it.
+
+    Success: bread within 3.5 cm (plane, per axis: the original's static tolerance; its dynamic one is 10 cm) of the middle of the
+    pan, resting on it with no gripper at the bread, the skillet held by its arm and both 2 cm or more above where they lay.
+    """
+
+    category = INTERCEPTION
+    step_limit = 500
+    target = "bread"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        yield Placement("skillet", draw.one_of("skillet"), Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.52, 0.52)))
+        yield Placement("bread", draw.one_of("bread"), Region(x=(side * -0.28, side * -0.15), y=(-0.20, 0.05), yaw=(-0.8, 0.8)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        pan = side_of(bodies["skillet"])
+        return {"arm": "left" if pan == "right" else "right", "pan_arm": pan}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["arm"], "bread")
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm, pan = a.arms["arm"], a.arms["pan_arm"]
+        yield lift(arm, 0.12)
+        held = self._held(pan)
+        yield grasp(pan, "skillet", goals=[list(held)])
+        yield lift(pan, 0.06)
+        yield carry(pan, held)
+        yield place(arm, "base", a.frame("skillet", "centre"), yaws=ROUND, above=0.07)
+        yield open_(arm)
+        yield lift(arm, 0.08)
+
+    def _held(self, pan: str) -> np.ndarray:
+        """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the table."""
+        s = 1 if pan == "right" else -1
+        return np.stack(
+            [
+                yawed((s * x, y, TABLE_TOP + z), s * turn)
+                for z in (0.07, 0.05)
+                for x in (0.06, 0.10, 0.14)
+                for y in (-0.05, -0.10, 0.0)
+                for turn in (0.0, 0.4, 0.8, -0.4)
+            ]
+        )
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        d = abs(o.offset(o.frame("bread", "base"), o.frame("skillet", "centre")))
+        up = o.rise("bread") > HELD_UP and o.rise("skillet") > HELD_UP and o.holds(arms["pan_arm"], "skillet")
+        return bool(up and d[0] < 0.035 and d[1] < 0.035) and o.rests_on("bread", "skillet")

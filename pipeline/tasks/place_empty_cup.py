@@ -1,0 +1,46 @@
+"""place_empty_cup: stand a cup on a moving coaster."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class PlaceEmptyCup(Task):
+    """Grasp an empty cup and stand it on a coaster that moves.
+
+    Success: base of the cup within 3.5 cm (plane) and 1.5 cm (height) of the coaster's centre, standing on it upright, both
+    grippers measured open. These are the original's tolerances, the same for its static and dynamic versions.
+    """
+
+    category = TRACKING
+    step_limit = 500
+    target, manipulated = "coaster", "cup"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14)))
+        yield Placement("coaster", draw.one_of("coaster"), Region(x=(side * -0.05, side * 0.10), y=(-0.20, 0.05)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["cup"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, centre = a.arms["arm"], a.frame("coaster", "centre")
+        goals = resting_poses(a.frames("cup")["base"], centre, ROUND)
+        yield grasp(arm, "cup", goals=[list(goals)])
+        yield lift(arm, 0.10)
+        yield place(arm, "base", centre, yaws=ROUND)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield open_(a.arms["arm"])
+        yield retreat(a.arms["arm"], 0.08)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        x, y, z = o.offset(o.frame("cup", "base"), o.frame("coaster", "centre"))
+        near = x * x + y * y < 0.035**2 and abs(z) < 0.015
+        return bool(near) and o.upright("cup") and o.rests_on("cup", "coaster") and o.grippers_open()

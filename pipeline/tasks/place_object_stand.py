@@ -1,0 +1,46 @@
+"""place_object_stand: set an object down on a moving display stand."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class PlaceObjectStand(Task):
+    """Grasp a small object and set it down on the plate of a display stand that moves.
+
+    Success: base of the object within 3 cm (plane, per axis, as in the original) and 1.5 cm (height) of the middle of the plate,
+    resting on the stand, both grippers measured open. (The original has no height test, so an object under the plate passes.)
+    """
+
+    category = TRACKING
+    target, manipulated = "stand", "object"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        item = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
+        yield Placement("object", item, Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-1.05, 1.05)))
+        yield Placement("stand", draw.one_of("display_stand"), Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-0.52, 0.52)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["object"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, top = a.arms["arm"], a.frame("stand", "top")
+        goals = resting_poses(a.frames("object")["base"], top, ROUND)
+        yield grasp(arm, "object", goals=[list(goals)])
+        yield lift(arm, 0.12)
+        yield place(arm, "base", top, yaws=ROUND, above=0.07)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield open_(a.arms["arm"])
+        yield retreat(a.arms["arm"], 0.08)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        d = abs(o.offset(o.frame("object", "base"), o.frame("stand", "top")))
+        near = d[0] < 0.03 and d[1] < 0.03 and d[2] < 0.015
+        return bool(near) and o.rests_on("object", "stand") and o.grippers_open()

@@ -1,0 +1,46 @@
+"""place_phone_stand: set a phone on a moving phone stand."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import Body
+
+
+@register
+class PlacePhoneStand(Task):
+    """Grasp a phone and set it on a phone stand that moves, leaning against the back rest.
+
+    Success: lower edge of the phone's back within (4.5, 4, 4) cm of the stand's seat (x, y, z: the original's tolerances),
+    the phone at rest on the stand and tilted at least 0.6 rad out of the horizontal, both grippers measured open. (The original
+    lets a phone lying flat on the stand pass.)
+    """
+
+    category = TRACKING
+    target, manipulated = "stand", "phone"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        yield Placement("phone", draw.one_of("phone"), Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-0.7, 0.7)))
+        yield Placement("stand", draw.one_of("phone_stand"), Region(x=(0.0, side * 0.15), y=(0.0, 0.20)), gap=0.03)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["phone"])}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, seat = a.arms["arm"], a.frame("stand", "seat")
+        goals = resting_poses(a.frames("phone")["foot"], seat, (0.0,))
+        yield grasp(arm, "phone", goals=[list(goals)])
+        yield lift(arm, 0.10)
+        yield place(arm, "foot", seat)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield open_(a.arms["arm"])
+        yield retreat(a.arms["arm"], 0.08)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        d = abs(o.offset(o.frame("phone", "foot"), o.frame("stand", "seat")))
+        near = d[0] < 0.045 and d[1] < 0.04 and d[2] < 0.04
+        return bool(near) and not o.upright("phone", 0.6) and o.rests_on("phone", "stand") and o.grippers_open()
