@@ -4,6 +4,8 @@ A pose is a float64 array `(7,)`: position xyz in metres, then a unit quaternion
 `compose(a, b)`: first b, then a. Functions broadcast over leading dimensions where their docstring says `(..., 7)`.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -30,9 +32,14 @@ def quat_multiply(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     return out
 
 
+def _parts(a: NDArray[np.float64]) -> list[Any]:
+    """Components along the last axis; plain floats for a single vector, on which arithmetic is fastest."""
+    return a.tolist() if a.ndim == 1 else [a[..., i] for i in range(a.shape[-1])]
+
+
 def _multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    aw, ax, ay, az = _parts(a)
+    bw, bx, by, bz = _parts(b)
     out[..., 0] = aw * bw - ax * bx - ay * by - az * bz
     out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
     out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
@@ -54,8 +61,8 @@ def quat_rotate(q: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
 
 def _rotate(q: NDArray[np.float64], v: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """v + w t + u x t with u the vector part and t = 2 u x v."""
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    a, b, c = v[..., 0], v[..., 1], v[..., 2]
+    w, x, y, z = _parts(q)
+    a, b, c = _parts(v)
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     out[..., 0] = a + w * tx + (y * tz - z * ty)
     out[..., 1] = b + w * ty + (z * tx - x * tz)
@@ -96,7 +103,7 @@ def quat_from_matrix(m: ArrayLike) -> NDArray[np.float64]:
 def quat_to_matrix(q: ArrayLike) -> NDArray[np.float64]:
     """Unit quaternions wxyz `(..., 4)` -> rotation matrices `(..., 3, 3)`."""
     q = np.asarray(q, float)
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    w, x, y, z = _parts(q)
     out = np.empty((*q.shape[:-1], 3, 3))
     out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
