@@ -264,7 +264,7 @@ def place(
     """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond.
 
     `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg.
-    Ways at whose end the jaws have room to open (by `opening` m, or all the way) are preferred.
+    Where the arm cannot come straight down from there, half that height is tried. Ways at whose end the jaws have room to open (by `opening` m, or all the way) are preferred.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
@@ -272,18 +272,19 @@ def place(
         back = np.concatenate([np.asarray(out, float), np.zeros(4)])
         local = a.frames(name)[point] if name else pose()
         bodies = resting_poses(local, onto, yaws)
-        down = hand_poses(a, side, bodies)
-        over = down + above * back
-        q, ok = a.planner.solve(a, side, over)
+        heights = np.repeat([above, 0.5 * above], len(bodies))
+        down = np.tile(hand_poses(a, side, bodies), (2, 1))
+        q, ok = a.planner.solve(a, side, down + heights[:, None] * back)
         if not ok.any():
             raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
         free = a.planner.checker(a, side)
-        order = np.argsort(np.where(ok, np.linalg.norm(q - a.q(side), axis=1), np.inf), kind="stable")[: int(ok.sum())]
+        cost = np.linalg.norm(q - a.q(side), axis=1) + 3.0 * (heights < above)
+        order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
         jaws = 1.0 if opening is None else _wider(a, side, opening)
         roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], jaws, 0.0)
         lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
         ways = [(i, line) for i, line in lines if line is not None]
-        ways.sort(key=lambda way: not roomy(way[1][-1]))  # where the jaws can open without touching anything, first
+        ways.sort(key=lambda way: not roomy(way[1]))  # first those on which opened jaws touch nothing: there is a way back
         for i, line in ways[:12]:
             if not free(q[i]):
                 continue
@@ -292,7 +293,7 @@ def place(
             except PlanFailure:
                 continue
             yield {side: leg}
-            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(above + press) / speed)}
+            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(heights[i] + press) / speed)}
             return
         raise PlanFailure("place_blocked" if ways else "place_unreachable", f"the {side} arm cannot set {name} down there")
 

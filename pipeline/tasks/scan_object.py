@@ -1,0 +1,84 @@
+"""scan_object: catch a moving box and hold it in front of a scanner in the other hand."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, carry, grasp, lift, upright_goal
+from pipeline.poses import Pose, inverse, transform, yawed
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+FROM_CENTRE = 0.058
+"""Distance (m) of the scanner's window from the middle of the box when it scans."""
+
+
+@register
+class ScanObject(Task):
+    """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan the box in the air.
+
+    Success: the middle of the box lies within 2.5 cm (per axis) of the ray out of the scanner's window and less than 7 cm in front
+    of it (the original's tolerances), both things held by their arms and 5 cm or more above where they stood.
+    """
+
+    category = INTERCEPTION
+    step_limit = 500
+    target = "box"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        scanner = Region(x=(side * 0.08, side * 0.25), y=(-0.15, -0.05), yaw=(-side * 1.57 - 1.2, -side * 1.57 + 1.2))
+        yield Placement("scanner", draw.one_of("scanner"), scanner)
+        box = Region(x=(side * -0.25, side * -0.05), y=(-0.20, 0.0), yaw=(-1.2, 1.2))
+        yield Placement("box", draw.one_of("tea_box"), box, gap=0.05)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        arm = side_of(bodies["box"])
+        return {"arm": arm, "scan_arm": "left" if arm == "right" else "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["arm"], "box", goals=[list(self._shown(a.arms["arm"]))])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm, scan = a.arms["arm"], a.arms["scan_arm"]
+        yield lift(arm, 0.13)
+        yield carry(arm, self._shown(arm))
+        yield grasp(scan, "scanner", goals=[list(self._scans(a))], pitch=0.3)
+        yield lift(scan, 0.10)
+        yield carry(scan, self._scans(a))
+
+    def _shown(self, arm: str) -> np.ndarray:
+        """Poses (N,7) in which the box is held up, a little to the side of its arm."""
+        s = 1 if arm == "right" else -1
+        return np.stack(
+            [
+                upright_goal((s * x, y, TABLE_TOP + z), yaw)
+                for z in (0.14, 0.11, 0.18)
+                for x in (0.0, 0.03, -0.03)
+                for y in (-0.03, -0.07)
+                for yaw in ROUND
+            ]
+        )
+
+    def _scans(self, a: Actor) -> np.ndarray:
+        """Poses (N,7) of the upright scanner with the middle of the box in front of its window, from many sides."""
+        middle, window = self._middle(a.pose("box"), a.bodies), a.frames("scanner")["window"]
+        s = 1 if a.arms["scan_arm"] == "right" else -1
+        found = []
+        for turn in (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0):
+            heading = np.arctan2(0.0, -s) - s * turn  # from the scanner's side towards the box, or from nearer to the robot
+            ahead = np.array([np.cos(heading), np.sin(heading), 0])
+            stand = yawed((0, 0, 0), heading + np.pi / 2)  # the window looks along -y of the scanner
+            found.append(yawed(middle - FROM_CENTRE * ahead - transform(stand, window[:3]), heading + np.pi / 2))
+        return np.stack(found)
+
+    def _middle(self, box: Pose, bodies: dict[str, Body]) -> np.ndarray:
+        return transform(box, bodies["box"].instance.frames()["top"][:3] / 2)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        x, y, z = transform(inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies)))
+        sees = abs(x) < 0.025 and abs(y) < 0.025 and 0 < z < 0.07
+        held = o.holds(arms["arm"], "box") and o.holds(arms["scan_arm"], "scanner")
+        return bool(sees and held) and o.rise("box") > 0.05 and o.rise("scanner") > 0.05
