@@ -252,7 +252,7 @@ ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6))
 def place(
     side: str,
     point: str,
-    onto: Pose,
+    onto: ArrayLike,
     *,
     yaws: Sequence[float] = (0.0,),
     above: float = 0.10,
@@ -261,10 +261,11 @@ def place(
     out: ArrayLike = (0, 0, 1),
     opening: float | None = None,
 ) -> Skill:
-    """Set the held body down so that its frame `point` meets `onto`: over it at `above` m, then straight down, `press` m beyond.
+    """Set the held body down so that its frame `point` meets one of the poses `onto` (7,) or (N,7): over it at `above` m, then straight down, `press` m beyond.
 
     `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg.
-    Where the arm cannot come straight down from there, half that height is tried. Ways at whose end the jaws have room to open (by `opening` m, or all the way) are preferred.
+    Where the arm cannot come straight down from there, half that height is tried. Ways at whose end the jaws have room to open
+    (by `opening` m, or all the way) are preferred.
     """
 
     def act(a: Actor) -> Iterator[Beat]:

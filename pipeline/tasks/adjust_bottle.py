@@ -12,8 +12,8 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
-CLEARANCE = 0.05
-"""Metres between the table and the foot of the bottle when it is held up."""
+CLEARANCES = (0.05, 0.10, 0.15)
+"""Metres between the table and the foot of the bottle when it is held up: thick wrists need more."""
 
 
 @register
@@ -48,8 +48,8 @@ class AdjustBottle(Task):
     def _raised(self, a: Actor) -> np.ndarray:
         """Poses (N,7) of the bottle: upright, out on the arm's side."""
         cap, out = a.frames("bottle")["cap"], -1 if a.arms["arm"] == "left" else 1
-        z = TABLE_TOP + CLEARANCE + 2 * cap[0]
-        spots = [upright_goal((out * x, y, z)) for x in (0.25, 0.21) for y in (-0.12, -0.05)]
+        z = TABLE_TOP + 2 * cap[0]
+        spots = [upright_goal((out * x, y, z + foot)) for foot in CLEARANCES for x in (0.19, 0.23) for y in (-0.12, -0.05)]
         return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:

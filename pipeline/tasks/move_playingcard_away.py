@@ -42,8 +42,8 @@ class MovePlayingcardAway(Task):
         yield retreat(arm, 0.08)
 
     def _aside(self, a: Actor) -> Pose:
-        """Where the deck shall lie: 28 cm out, level with the middle of the region it comes from."""
-        return upright_goal((-0.28 if a.arms["arm"] == "left" else 0.28, -0.08, TABLE_TOP))
+        """Where the deck shall lie: 27 cm out, level with the middle of the region it comes from."""
+        return upright_goal((-0.27 if a.arms["arm"] == "left" else 0.27, -0.08, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         x = o.pose("cards")[0]

@@ -34,7 +34,7 @@ class ShakeBottleHorizontally(Task):
         return {"arm": side_of(bodies["bottle"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        goals = [list(self._tipped(a, lean)[0]) for lean in (0.0, 0.7, -0.7)]
+        goals = [list(self._tipped(a, lean)[0]) for lean in (0.0, 0.6, -0.6)]
         yield grasp(a.arms["arm"], "bottle", goals=goals, pitch=0.3)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
@@ -45,13 +45,14 @@ class ShakeBottleHorizontally(Task):
         """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes (N,3) across it."""
         middle, out = a.frames("bottle")["middle"][2], -1 if a.arms["arm"] == "left" else 1
         poses, axes = [], []
-        for heading in (0.0, np.pi, 0.5, -0.5, np.pi - 0.5, np.pi + 0.5):
-            for roll in np.arange(0, 2 * np.pi, np.pi / 4):
+        for x, y, z in ((0.08, -0.03, 0.20), (0.15, -0.08, 0.20), (0.10, -0.10, 0.14)):
+            centre = np.array([out * x, y, TABLE_TOP + z])
+            for heading in (0.0, np.pi, 0.5, -0.5, np.pi - 0.5, np.pi + 0.5):
                 tip = quat_multiply(quat_about((0, 0, 1), heading), quat_about((0, 1, 0), np.pi / 2 + lean))
-                q = quat_multiply(tip, quat_about((0, 0, 1), roll))
-                centre = np.array([out * 0.15, -0.08, TABLE_TOP + 0.20])
-                poses.append(pose(centre - middle * quat_rotate(q, [0, 0, 1.0]), q))
-                axes.append([-np.sin(heading), np.cos(heading), 0.0])
+                for roll in range(8):
+                    q = quat_multiply(tip, quat_about((0, 0, 1), roll * np.pi / 4))
+                    poses.append(pose(centre - middle * quat_rotate(q, [0, 0, 1.0]), q))
+                    axes.append([-np.sin(heading), np.cos(heading), 0.0])
         return np.array(poses), np.array(axes)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:

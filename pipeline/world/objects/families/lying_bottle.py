@@ -38,4 +38,4 @@ class LyingBottle(Bottle):
 
     def words(self) -> Words:
         standing = super().words()
-        return Words(standing.noun, (*standing.seen[:7], "lying bottle"), (*standing.unseen, f"toppled {self.colour} bottle"))
+        return Words(standing.noun, (*standing.seen[:7], "lying bottle"), (*standing.unseen[:2], f"toppled {self.colour} bottle"))
