@@ -261,18 +261,18 @@ def place(
     out: ArrayLike = (0, 0, 1),
     opening: float | None = None,
 ) -> Skill:
-    """Set the held body down so that its frame `point` meets one of the poses `onto` (7,) or (N,7): over it at `above` m, then straight down, `press` m beyond.
+    """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or the only one (7,).
 
-    `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg.
-    Where the arm cannot come straight down from there, half that height is tried. Ways at whose end the jaws have room to open
-    (by `opening` m, or all the way) are preferred.
+    It comes from over there at `above` m, or half of that where the arm ends, then straight down, `press` m beyond. `out` is the way
+    back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg. Ways on which jaws opened
+    (by `opening` m, or all the way) touch nothing are preferred.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
         name = a.held.get(side, "")
         back = np.concatenate([np.asarray(out, float), np.zeros(4)])
         local = a.frames(name)[point] if name else pose()
-        bodies = resting_poses(local, onto, yaws)
+        bodies = np.concatenate([resting_poses(local, goal, yaws) for goal in np.atleast_2d(onto)])
         heights = np.repeat([above, 0.5 * above], len(bodies))
         down = np.tile(hand_poses(a, side, bodies), (2, 1))
         q, ok = a.planner.solve(a, side, down + heights[:, None] * back)
