@@ -75,6 +75,8 @@ def plan(
     alpha: Alpha = None,
     episodes: Episodes = None,
     seed: Seed = None,
+    attempts: Attempts = None,
+    render: Render = None,
     workers: Workers = None,
     out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
     as_json: AsJson = False,
@@ -82,7 +84,7 @@ def plan(
     """Say what `build` would make, how long it takes and how big it gets. Writes nothing."""
     from pipeline.plan import plan as run_plan
 
-    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed)
+    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render)
     _, count = executor_of("ray", workers)
     values = run_plan(recipe, Dataset(out) if out else None, count)
     lines = [
