@@ -263,8 +263,8 @@ def place(
 ) -> Skill:
     """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or the only one (7,).
 
-    It comes from over there at `above` m, or half of that where the arm ends, then straight down, `press` m beyond. `out` is the way
-    back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg. Ways on which jaws opened
+    It comes from over there at `above` m, or half of that where the arm ends, then straight down, `press` m beyond. `out` is the
+    way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg. Ways on which jaws opened
     (by `opening` m, or all the way) touch nothing are preferred.
     """
 
@@ -285,7 +285,13 @@ def place(
         roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], jaws, 0.0)
         lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
         ways = [(i, line) for i, line in lines if line is not None]
-        ways.sort(key=lambda way: not roomy(way[1]))  # first those on which opened jaws touch nothing: there is a way back
+
+        def closed_in(line: NDArray[np.float64]) -> int:
+            """Whether opened jaws would touch something on the way, and whether the hand could not draw back at its end."""
+            away = backed_off(a.planner.fk(side, line[-1]), 0.08)
+            return (not roomy(line)) + (a.planner.line(side, line[-1], away) is None)
+
+        ways.sort(key=lambda way: closed_in(way[1]))
         for i, line in ways[:12]:
             if not free(q[i]):
                 continue

@@ -24,12 +24,16 @@ INTERCEPTION, TRACKING = "interception", "tracking"
 
 @dataclass(frozen=True)
 class Region:
-    """Where a body's origin may stand on the table (m), its yaw (rad), and how far from x = 0 at least."""
+    """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 at least.
+
+    `z` (m) is the height of what it stands on: 0 for a bin on the floor beside the table.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
     yaw: tuple[float, float] = (0.0, 0.0)
     away_from_centre: float = 0.0
+    z: float = TABLE_TOP
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +175,7 @@ def _free_pose(
     box = p.instance.shape().aabb()
     for _ in range(tries):
         x, y = rng.uniform(*sorted(p.region.x)), rng.uniform(*p.region.y)
-        pose = yawed((x, y, TABLE_TOP), rng.uniform(*p.region.yaw))
+        pose = yawed((x, y, p.region.z), rng.uniform(*p.region.yaw))
         if in_view is not None and not in_view(middle(pose, p.instance)):
             continue
         if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
