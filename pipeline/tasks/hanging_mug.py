@@ -23,9 +23,9 @@ class HangingMug(Task):
     """Catch a moving mug with the left arm and set it down in the middle; the right arm hangs it on the peg of the rack.
 
     Success: the peg passes through the hole of the mug's handle (its axis within 3 cm of the middle of the hole, the hole between
-    root and tip), the mug on the rack (it may still swing), 5 cm or more above the table, no arm at it, the right gripper measured open. The
-    original tests a distance from a point beside the peg (2 cm, 5 cm in its dynamic version), which a mug behind the peg passes.
-    The rack is fixed to the table and stands up to 7 cm nearer than the original's.
+    root and tip), the mug on the rack (it may still swing), 5 cm or more above the table, no arm at it, the right gripper measured
+    open. The original tests a distance from a point beside the peg (2 cm, 5 cm in its dynamic version), which a mug behind the peg
+    passes. The rack is fixed to the table and stands up to 7 cm nearer than the original's.
     """
 
     category = INTERCEPTION
