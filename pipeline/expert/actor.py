@@ -102,8 +102,9 @@ class Actor:
         return [Carried(side, name, self.in_hand(side)) for side, name in self.held.items()]
 
     def obstacles(self) -> dict[str, Pose]:
-        """Measured poses of all bodies that nobody holds."""
-        return {name: self.pose(name) for name in self.bodies if name not in self.held.values()}
+        """Measured poses of all bodies that nobody holds and that do not lie in another one."""
+        loose = {name for name, body in self.bodies.items() if body.rides}
+        return {name: self.pose(name) for name in self.bodies if name not in loose.union(self.held.values())}
 
     # --- acting ---------------------------------------------------------------------------------------------------------
 

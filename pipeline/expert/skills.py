@@ -176,6 +176,42 @@ def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0
     return act
 
 
+def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16, speed: float = 1.0) -> Skill:
+    """Bring the held body to one of the poses `upright` (N,7), then tip it, all joints at an even pace, to one of `tipped` (M,7).
+
+    While it tips, its origin stays within `sway` m of where it begins or ends, and nothing is touched.
+    """
+
+    def act(a: Actor) -> Iterator[Beat]:
+        hold, free = inverse(a.in_hand(side)), a.planner.checker(a, side)
+
+        def reached(bodies: ArrayLike) -> NDArray[np.float64]:
+            q, ok = a.planner.solve(a, side, compose(np.atleast_2d(np.asarray(bodies, float)), hold[None]))
+            return np.stack([row for row in q[ok] if free(row)] or [np.empty((0,))])
+
+        over, down = reached(upright), reached(tipped)
+        if not over.size or not down.size:
+            raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped")
+        distance = np.linalg.norm(over[:, None] - down[None], axis=-1)
+        for k in np.argsort(distance, axis=None, kind="stable")[:80]:
+            start, end = over[k // len(down)], down[k % len(down)]
+            path = start + np.linspace(0, 1, 16)[:, None] * (end - start)
+            at = np.stack([compose(a.planner.fk(side, row), inverse(hold))[:3] for row in path])
+            off = np.minimum(np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - at[-1], axis=1))
+            if off.max() > sway or not free(path):
+                continue
+            try:
+                leg = a.planner.free_leg(a, side, start, free)
+            except PlanFailure:
+                continue
+            yield {side: leg}
+            yield {side: a.planner.timed(side, path[[0, -1]], a.gripper(side), speed=speed)}
+            return
+        raise PlanFailure("pour_blocked", f"the {side} arm finds no way to tip what it holds")
+
+    return act
+
+
 def _go(a: Actor, side: str, poses: NDArray[np.float64], speed: float = 1.0, tries: int = 8) -> Leg:
     q, ok = a.planner.solve(a, side, poses)
     if not ok.any():
@@ -220,6 +256,15 @@ def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
                 yield {side: a.planner.timed(side, path, a.gripper(side), minimum=length / speed)}
                 return
         raise PlanFailure("line_unreachable", f"the {side} arm cannot draw back by {distance} m")
+
+    return act
+
+
+def pause(side: str, seconds: float) -> Skill:
+    """Hold still, for what was poured to run out."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield _jaws(a, side, a.gripper(side), hold=seconds)
 
     return act
 
@@ -282,7 +327,9 @@ def place(
         cost = np.linalg.norm(q - a.q(side), axis=1) + 3.0 * (heights < above)
         order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
         jaws = 1.0 if opening is None else _wider(a, side, opening)
-        roomy = a.planner.checker(a, side, [(name, other) for other in (*a.bodies, "table") if other != name], jaws, 0.0)
+        roomy = a.planner.checker(
+            a, side, [(name, other) for other in (*a.obstacles(), *a.held.values(), "table") if other != name], jaws, 0.0
+        )
         lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
         ways = [(i, line) for i, line in lines if line is not None]
 

@@ -48,7 +48,7 @@ class Clearance:
         self._target = stage.bodies[stage.task.target].instance.shape().collision
         pieces: list[tuple[int, Collider]] = []
         for index, name in enumerate(dry.names):
-            if name in _NEVER or name == stage.task.target:
+            if name in _NEVER or name == stage.task.target or (name in stage.bodies and stage.bodies[name].rides):
                 continue
             if name in stage.bodies:
                 pieces += [(index, c) for c in stage.bodies[name].instance.shape().collision]

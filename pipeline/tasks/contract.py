@@ -13,11 +13,11 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.failure import PlanFailure
 from pipeline.motion.workspace import Workspace
-from pipeline.poses import yawed
+from pipeline.poses import Pose, compose, yawed
 from pipeline.tasks.language import read_templates
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
-from pipeline.world.objects.contract import FAMILIES, Family
+from pipeline.world.objects.contract import FAMILIES, Family, Slide
 
 INTERCEPTION, TRACKING = "interception", "tracking"
 
@@ -38,13 +38,18 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from those placed before."""
+    """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from those placed before.
+
+    With `inside`, the name of a body placed before, the region is in that body's frame and no room is kept; see Body.
+    """
 
     name: str
     instance: Family
     region: Region
     fixed: bool = False
     gap: float = 0.02
+    inside: str = ""
+    slide: Slide | None = None
 
 
 class Draw:
@@ -146,11 +151,15 @@ def place(
     for _ in range(tries):
         bodies: dict[str, Body] = {}
         for p in task.layout(Draw(objects, placement)):
-            pose = _free_pose(p, bodies.values(), placement, in_view if p.name == task.target else None)
+            if p.inside:
+                pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, placement))
+            else:
+                others = [b for b in bodies.values() if not b.inside]
+                pose = _free_pose(p, others, placement, in_view if p.name == task.target else None)
             if pose is None:
                 missing = p.name
                 break
-            bodies[p.name] = Body(p.name, _family_name(p.instance), p.instance, pose, p.fixed)
+            bodies[p.name] = Body(p.name, _family_name(p.instance), p.instance, pose, p.fixed, p.inside, p.slide)
         else:
             return bodies
     raise PlanFailure("layout", f"no free place for {missing}")
@@ -165,6 +174,11 @@ def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
     return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])
 
 
+def _drawn_pose(region: Region, rng: np.random.Generator) -> Pose:
+    x, y = rng.uniform(*sorted(region.x)), rng.uniform(*region.y)
+    return yawed((x, y, region.z), rng.uniform(*region.yaw))
+
+
 def _free_pose(
     p: Placement,
     others: Iterable[Body],
@@ -174,11 +188,10 @@ def _free_pose(
 ) -> np.ndarray | None:
     box = p.instance.shape().aabb()
     for _ in range(tries):
-        x, y = rng.uniform(*sorted(p.region.x)), rng.uniform(*p.region.y)
-        pose = yawed((x, y, p.region.z), rng.uniform(*p.region.yaw))
+        pose = _drawn_pose(p.region, rng)
         if in_view is not None and not in_view(middle(pose, p.instance)):
             continue
-        if abs(x) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
+        if abs(pose[0]) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
             return pose
     return None
 

@@ -51,9 +51,9 @@ class HangingMug(Task):
         yield home(catcher)
         hole = a.frames("mug")["handle_hole"]
         goals = np.concatenate([resting_poses(hole, goal, TILTS) for goal in self._on_the_peg(a)])
-        yield grasp(hanger, "mug", kinds=("side", "rim"), goals=[list(goals)], pitch=0.3)
+        yield grasp(hanger, "mug", kinds=("side",), goals=[list(goals)], pitch=0.3)
         yield lift(hanger, 0.12)
-        yield place(hanger, "handle_hole", self._on_the_peg(a), yaws=TILTS, above=0.07, out=self._peg(a), press=0.0, opening=0.03)
+        yield place(hanger, "handle_hole", self._on_the_peg(a), yaws=TILTS, above=0.11, out=self._peg(a), press=0.0, opening=0.03)
         yield open_(hanger)
         yield retreat(hanger, 0.12)
 

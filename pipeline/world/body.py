@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from pipeline.poses import Pose
-from pipeline.world.objects.contract import Family
+from pipeline.world.objects.contract import Family, Slide
 
 TABLE_TOP = 0.74
 """Height of the table top in m."""
@@ -14,10 +14,21 @@ TABLE_HALF = (0.6, 0.35)
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """`pose` (7,) is the manipulation pose in the world; a `fixed` body never moves (a goal pad glued to the table)."""
+    """`pose` (7,) is the manipulation pose in the world; a `fixed` body never moves (a goal pad glued to the table).
+
+    `inside` names the body it begins in: balls in a bin ride along with it. With a `slide` it runs in that body like a drawer,
+    from where it stands.
+    """
 
     name: str
     family: str
     instance: Family
     pose: Pose
     fixed: bool = False
+    inside: str = ""
+    slide: Slide | None = None
+
+    @property
+    def rides(self) -> bool:
+        """Whether it lies loose in another body."""
+        return bool(self.inside) and self.slide is None

@@ -13,7 +13,7 @@ import numpy as np
 import sapien
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.poses import Pose, compose
+from pipeline.poses import Pose, compose, frame, inverse
 from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
 from pipeline.world.robots.contract import SIDES, Arm, Embodiment, jaw_positions, jaw_value
 from pipeline.world.robots.urdf import arm_urdf
@@ -24,6 +24,8 @@ PHYSICS_HZ = 240
 _ROBOT_FRICTION = 1.2
 _TABLE_FRICTION = 0.5
 _JAW_STIFFNESS, _JAW_DAMPING = 1500.0, 60.0
+_SLIDE_DAMPING = 20.0  # N s/m, what a drawer on wooden runners feels like
+_STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
 _TOUCH_IMPULSE = 1e-7  # N s; SAPIEN lists near pairs with zero impulse before they touch
 _X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
 
@@ -115,10 +117,12 @@ class Simulation:
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
         table = self._add_table()
-        self._entities = {b.name: self._add_body(b) for b in self.bodies}
+        self._entities = {b.name: self._add_body(b, pose) for b, pose in zip(self.bodies, self._first_poses(), strict=True)}
         self._rigid = {
             name: entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent) for name, entity in self._entities.items()
         }
+        for body in self.bodies:
+            self._add_slide(body)
         self._joints: dict[str, list[Any]] = {}
         self._order: dict[str, tuple[list[Any], list[Any]]] = {}
         self._robots = {side: self._add_arm(side, embodiment.arms[side]) for side in SIDES}
@@ -131,7 +135,8 @@ class Simulation:
         self.names = (*(b.name for b in self.bodies), *self._link_names, "table")
         physical = [*(e.components[0] for e in self._entities.values()), *(x for side in SIDES for x in links[side]), table]
         self._index = {component: i for i, component in enumerate(physical)}  # SAPIEN gives the same object every time
-        touchers = self._free.union(self._link_names)
+        riders = {b.name for b in self.bodies if b.inside == target}
+        touchers = (self._free - riders).union(self._link_names)
         self._touchers = {component for component, name in zip(physical, self.names, strict=True) if name in touchers}
         self.joint_names = tuple(f"{side}_{j.name}" for side in SIDES for j in self._joints[side])
         self.command = self.home_vector()
@@ -150,7 +155,33 @@ class Simulation:
         floor.build_static(name="floor")
         return table.components[0]
 
-    def _add_body(self, body: Body) -> sapien.Entity:
+    def _first_poses(self) -> list[Pose]:
+        """Where the bodies begin: the target and what lies in it at the start of its motion, the others where they stand."""
+        end = next(b.pose for b in self.bodies if b.name == self.target)
+        start = np.asarray(self.motion.pose(np.zeros(())), float)
+        riding = {self.target, *(b.name for b in self.bodies if b.inside == self.target)}
+        return [compose(start, compose(inverse(end), b.pose)) if b.name in riding else b.pose for b in self.bodies]
+
+    def _add_slide(self, body: Body) -> None:
+        if body.slide is None:
+            return
+        parent = next(b for b in self.bodies if b.name == body.inside)
+        x = np.asarray(body.slide.axis, float)
+        y = np.array([0.0, 0.0, 1.0])
+        along = frame((0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0]))
+        drive = sapien.physx.PhysxDriveComponent(self._rigid[body.name])
+        drive.set_parent(self._entities[parent.name].components[0])
+        drive.set_pose_in_child(_pose(along))
+        drive.set_pose_in_parent(_pose(compose(compose(inverse(parent.pose), body.pose), along)))
+        drive.set_limit_x(body.slide.lower, body.slide.upper)
+        drive.set_limit_y(0.0, 0.0)
+        drive.set_limit_z(0.0, 0.0)
+        drive.set_limit_twist(0.0, 0.0)
+        drive.set_drive_property_swing(*_STIFF)  # SAPIEN's cone and pyramid limits do not hold the two other turns
+        drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
+        self._entities[body.name].add_component(drive)
+
+    def _add_body(self, body: Body, pose: Pose) -> sapien.Entity:
         shape = body.instance.shape()
         material = sapien.physx.PhysxMaterial(shape.friction, shape.friction, 0.0)
         component = sapien.physx.PhysxRigidStaticComponent() if body.fixed else sapien.physx.PhysxRigidDynamicComponent()
@@ -159,7 +190,7 @@ class Simulation:
         entity = sapien.Entity()
         entity.name = body.name
         entity.add_component(component)
-        entity.set_pose(_pose(body.pose))
+        entity.set_pose(_pose(pose))
         self._scene.add_entity(entity)
         return entity
 

@@ -49,6 +49,15 @@ class Words:
     unseen: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Slide:
+    """A prismatic joint: unit `axis` in the parent's frame, travel limits in m from where the body is placed."""
+
+    axis: tuple[float, float, float]
+    lower: float
+    upper: float
+
+
 class Family(Protocol):
     """A parametric family. Implementations are frozen dataclasses of their parameters (all lengths in metres)."""
 

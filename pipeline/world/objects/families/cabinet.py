@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.poses import Pose
 from pipeline.world.materials import WOODS, metal, painted, wood
 from pipeline.world.objects.colliders import box_collider, capsule_between, walls_of_boxes
-from pipeline.world.objects.contract import Family, Frames, Words, register
+from pipeline.world.objects.contract import Family, Frames, Slide, Words, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
 from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
@@ -17,15 +17,6 @@ from pipeline.world.shapes import Material, Shape
 WIDTH = (0.14, 0.17)  # half extent along x
 BOARD = 0.012
 GAP = 0.002
-
-
-@dataclass(frozen=True)
-class Slide:
-    """A prismatic joint: unit `axis` in the parent's frame, travel limits in m."""
-
-    axis: tuple[float, float, float]
-    lower: float
-    upper: float
 
 
 def _skin(colour: str, texture: int) -> Material:

@@ -1,0 +1,97 @@
+"""dump_bin_bigbin: catch a moving table bin and empty it into the big bin at the left side of the table."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, home, lift, open_, pause, place, pour, retreat, upright_goal
+from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.body import TABLE_TOP, Body
+
+MIDDLE = (-0.04, -0.12, TABLE_TOP)
+"""Where the right arm sets the bin down for the left one."""
+
+BALLS = ((0.0, 0.0), (0.021, 0.0), (-0.021, 0.0), (0.0, 0.021), (0.0, -0.021))
+"""Where the balls lie in the bin, x and y in its frame (m)."""
+
+
+@register
+class DumpBinBigbin(Task):
+    """Catch a moving table bin with five balls in it and pour them into the big bin with the left arm; a bin on the right is caught
+    by the right arm and set down in the middle for the left one.
+
+    Success: every ball inside the big bin below its rim, the table bin held by the left arm 10 cm or more above where it stood.
+    The balls ride in the bin as free bodies. The table is not shifted: the big bin stands on the floor at its left edge.
+    """
+
+    category = INTERCEPTION
+    step_limit = 600
+    target = "bin"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        big = draw.one_of("big_bin")
+        out = -0.602 - float(big.shape().aabb()[1, 0])
+        yield Placement("big_bin", big, Region(x=(out, out), y=(-0.12, -0.08), z=0.0), fixed=True)
+        where = Region(x=(-0.20, 0.20), y=(-0.20, -0.05), yaw=(-0.37, 0.37), away_from_centre=0.05)
+        yield Placement("bin", draw.one_of("table_bin"), where)
+        for i, (x, y) in enumerate(BALLS):
+            yield Placement(f"ball_{i + 1}", draw.one_of("ball"), Region(x=(x, x), y=(y, y), z=0.005), inside="bin")
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bin"]), "pourer": "left"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        if a.arms["arm"] == "left":
+            yield grasp("left", "bin", goals=[list(self._over(a)[::5]), list(self._tipped(a)[::7])], pitch=0.9)
+        else:
+            yield grasp("right", "bin", goals=[[upright_goal(MIDDLE, yaw) for yaw in ROUND]], pitch=0.9)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        if a.arms["arm"] == "right":
+            yield lift("right", 0.06)
+            yield place("right", "base", upright_goal(MIDDLE), yaws=ROUND)
+            yield open_("right")
+            yield retreat("right", 0.08)
+            yield home("right")
+            yield grasp("left", "bin", goals=[list(self._over(a)[::5]), list(self._tipped(a)[::7])], pitch=0.9)
+        yield lift("left", 0.14)
+        yield pour("left", self._over(a), self._tipped(a), speed=0.8)
+        yield pause("left", 1.2)
+
+    def _spots(self, a: Actor) -> list[np.ndarray]:
+        """Points (3,) above the near part of the big bin."""
+        x, y = a.pose("big_bin")[:2]
+        edge = a.bodies["big_bin"].instance.shape().aabb()[1, 0]
+        return [
+            np.array([x + edge - inside, y + dy, TABLE_TOP + z])
+            for inside in (0.15,)
+            for dy in (0.0, -0.05, 0.05)
+            for z in (0.16, 0.22)
+        ]
+
+    def _over(self, a: Actor) -> np.ndarray:
+        """Poses (N,7) of the bin upright over the big bin."""
+        return np.stack([upright_goal(spot, yaw) for spot in self._spots(a) for yaw in ROUND])
+
+    def _tipped(self, a: Actor) -> np.ndarray:
+        """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down about axes all around."""
+        turns = 2 * np.pi * np.arange(12) / 12
+        top = a.frames("bin")["top"]
+        return np.stack(
+            [
+                compose(
+                    pose(spot, quat_multiply(quat_about((np.cos(t), np.sin(t), 0), 2.2), quat_about((0, 0, 1), yaw))), inverse(top)
+                )
+                for spot in self._spots(a)
+                for t in turns
+                for yaw in turns[::2]
+            ]
+        )
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        low, high = o.bodies["big_bin"].instance.shape().aabb()
+        balls = [transform(inverse(o.pose("big_bin")), o.pose(f"ball_{i + 1}")[:3]) for i in range(len(BALLS))]
+        return all(bool((b > low).all() and (b < high).all()) for b in balls) and o.rise("bin") > 0.10 and o.holds("left", "bin")
