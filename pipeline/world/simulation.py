@@ -24,7 +24,7 @@ PHYSICS_HZ = 240
 _ROBOT_FRICTION = 1.2
 _TABLE_FRICTION = 0.5
 _JAW_STIFFNESS, _JAW_DAMPING = 1500.0, 60.0
-_SLIDE_DAMPING = 20.0  # N s/m, what a drawer on wooden runners feels like
+_SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
 _STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
 _TOUCH_IMPULSE = 1e-7  # N s; SAPIEN lists near pairs with zero impulse before they touch
 _X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
@@ -341,20 +341,18 @@ class Simulation:
 
     def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64]]]:
         """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,)."""
-        found: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
-        table = len(self.names) - 1
+        # a pair of bodies may touch with many pieces, and SAPIEN lists them in no fixed order: the strongest is the pair's contact
+        found: dict[tuple[int, int], tuple[float, tuple[float, ...]]] = {}
         for contact in self._scene.get_contacts():
             first, second = contact.bodies
             a, b = self._index.get(first), self._index.get(second)
             if a is None or b is None:
                 continue
-            pair = (min(a, b), max(a, b))
-            if pair[1] == table and pair in found:
-                continue  # which of its many pieces stands on the table is of no interest
             points = contact.points
             pushes = np.array([p.impulse for p in points], float)
             strength = math.hypot(*pushes.sum(0)) if len(points) else 0.0
-            if strength > _TOUCH_IMPULSE and strength > found.get(pair, (0.0,))[0]:
-                pushing = pushes.any(1)
-                found[pair] = (strength, np.array([p.position for p in points], float)[pushing].mean(0))
-        return [(a, b, impulse, point) for (a, b), (impulse, point) in found.items()]
+            pair = (min(a, b), max(a, b))
+            if strength > _TOUCH_IMPULSE and strength >= found.get(pair, (0.0,))[0]:
+                at = np.array([p.position for p in points], float)[pushes.any(1)].mean(0)
+                found[pair] = max(found.get(pair, (0.0, ())), (strength, tuple(at.tolist())))
+        return [(a, b, impulse, np.array(point)) for (a, b), (impulse, point) in sorted(found.items())]
