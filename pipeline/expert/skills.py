@@ -243,6 +243,21 @@ def lift(side: str, height: float, *, speed: float = 0.25) -> Skill:
     return act
 
 
+def shift(side: str, by: ArrayLike, *, speed: float = 0.15) -> Skill:
+    """Move the hand straight by a vector (3,) of the world, without turning it; at least 80 % of the way where the arm ends."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        start, way = a.tcp(side), np.concatenate([np.asarray(by, float), np.zeros(4)])
+        for part in (1.0, 0.9, 0.8):
+            path = a.planner.line(side, a.q(side), start + part * way)
+            if path is not None:
+                yield {side: a.planner.timed(side, path, a.gripper(side), minimum=part * float(np.linalg.norm(way)) / speed)}
+                return
+        raise PlanFailure("line_unreachable", f"the {side} arm cannot move its hand by {np.round(way[:3], 3)} m")
+
+    return act
+
+
 def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
     """Draw the hand straight back along its approach axis; where the arm ends, a shorter way (at least 20 %) or straight up."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 BISECTIONS = 50
+HIGHEST = 1e4  # (rad/s)^2, where a path turns back on the spot and no joint bounds the speed along it
 
 
 @njit(cache=True, error_model="numpy")
@@ -40,7 +41,7 @@ def fastest(s, slope, bend, velocity, limit):
     count, n = slope.shape
     reachable = np.empty(count)
     for i in range(count):
-        cap = np.inf
+        cap = HIGHEST
         for j in range(n):
             if abs(slope[i, j]) > 1e-12:
                 cap = min(cap, (velocity[j] / slope[i, j]) ** 2)

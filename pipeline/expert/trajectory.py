@@ -16,6 +16,7 @@ from pipeline.expert.timing import fastest
 
 RATE = 240  # Hz, the physics rate
 SAME = 1e-6  # rad; waypoints closer than this in every joint are one
+LONGEST = 60.0  # s; no motion of these arms takes as long
 Floats = NDArray[np.float64]
 
 
@@ -124,8 +125,12 @@ class RoundedPolyline:
         return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
 
     def grid(self, spacing: float = 0.05) -> Floats:
-        """All knots and points between them at most `spacing` apart."""
-        pieces = [np.linspace(a, b, 2 + int((b - a) / spacing))[1:] for a, b in pairwise(self.knots.tolist())]
+        """All knots and points between them at most `spacing` apart, at least three in a piece.
+
+        Speeds are free at grid points only: where a bend forces a stop at a knot, a piece without a point inside would have to be
+        crossed from standing to standing at no speed.
+        """
+        pieces = [np.linspace(a, b, 5 + int((b - a) / spacing))[1:] for a, b in pairwise(self.knots.tolist())]
         return np.concatenate([self.knots[:1], *pieces])
 
 
@@ -146,6 +151,8 @@ def _along(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float, dev
         return path(at), path(at, 1) * speed[:, None]
 
     duration = float(times[-1])
+    if not duration < LONGEST:
+        raise PlanFailure("time_parameterisation", f"a path of {len(corners)} waypoints would take {duration:.0f} s")
     rows = max(_rows(duration, rate), _rows(minimum, rate))
     _, qd = sample(np.linspace(0.0, duration, rows))
     # Velocity limits hold at grid points only: slow down uniformly by what the samples in between exceed them.

@@ -71,6 +71,21 @@ def test_limits_and_ends_hold_on_random_polylines(seed: int, corners: int, scale
     check(time_parameterise(path, V, A), path[0], path[-1])
 
 
+@settings(max_examples=200, deadline=None)
+@given(seed=st.integers(0, 100_000), corners=st.integers(3, 6))
+def test_never_slower_than_a_stop_at_every_corner(seed: int, corners: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(-1, 1, (corners - 1, 6)) * 10 ** rng.uniform(-3, 0.5, (corners - 1, 1))
+    path = np.vstack([np.zeros(6), np.cumsum(steps, axis=0)])
+    stops = sum(time_parameterise(pair, V, A).duration for pair in pairwise(path))
+    assert time_parameterise(path, V, A).duration <= 1.05 * stops + 0.01
+
+
+def test_a_sharp_bend_before_a_short_last_leg_costs_no_days() -> None:
+    path = np.array([[-0.69, 1.43, 1.0, -1.19, -0.52, 1.46], [-0.48, 2.42, 2.48, -1.52, 0.54, -1.72], [-0.44, 2.44, 2.49, -1.53, 0.52, -1.75]])
+    assert time_parameterise(path, V, A).duration < 4.0  # 3.18 rad at 1.4 rad/s and a little
+
+
 def test_dense_cartesian_like_path() -> None:
     s = np.linspace(0, 1, 25)[:, None]
     path = np.hstack([0.3 * s, 0.2 * s**2, np.sin(2 * s), 0.1 * np.cos(3 * s), -0.4 * s, 0 * s])

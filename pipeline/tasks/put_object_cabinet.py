@@ -1,0 +1,93 @@
+"""put_object_cabinet: catch a moving object, open the drawer with the other arm, put the object in."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.grasping import lifted
+from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, shift
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import compose, inverse, pose, transform
+from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.outcome import OPEN, Outcome
+from pipeline.world.body import Body
+from pipeline.world.objects.families.cabinet import Cabinet, Drawer
+
+PULL = 0.115
+"""How far (m) the drawer is pulled open."""
+
+OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "soap")
+
+
+@register
+class PutObjectCabinet(Task):
+    """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the other arm, put the object in.
+
+    Success: the drawer 5 cm or more open, the object inside it (within its walls, between its floor and 4 cm above its rim),
+    touching it and not the table, the object's gripper measured open. The drawer's own frame is the measure, where the original
+    takes a point of the cabinet with 5 cm (12 x 7 cm in its dynamic version) around it.
+    """
+
+    category = INTERCEPTION
+    step_limit = 700
+    target = "object"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.03)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        cabinet = draw.one_of("cabinet")
+        assert isinstance(cabinet, Cabinet)
+        yield Placement("cabinet", cabinet, Region(x=(-0.05, 0.05), y=(0.14, 0.155)), fixed=True)
+        slot = Region(x=(0.0, 0.0), y=(0.0, 0.0), z=float(cabinet.slot()[2]))
+        yield Placement("drawer", cabinet.drawer(), slot, inside="cabinet", slide=cabinet.slide())
+        side = draw.side()
+        item = Region(x=(side * 0.20, side * 0.32), y=(-0.20, -0.10), yaw=(-1.05, 1.05))
+        yield Placement("object", draw.one_of(*OBJECTS), item)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        arm = side_of(bodies["object"])
+        return {"arm": arm, "drawer_arm": "left" if arm == "right" else "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        base, yaws = a.frames("object")["base"], self._across(a)
+        opened = [lifted(p, 0.05) for spot in self._spots(a, PULL)[1:3] for p in resting_poses(base, spot, yaws[:6])]
+        yield grasp(arm, "object", goals=[opened])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm, puller = a.arms["arm"], a.arms["drawer_arm"]
+        yield lift(arm, 0.12)
+        ways = [[a.pose("drawer") + np.array([0, -out, 0, 0, 0, 0, 0])] for out in (PULL, PULL + 0.07)]
+        yield grasp(puller, "drawer", kinds=("handle",), goals=ways, pitch=0.3)
+        yield shift(puller, (0.0, -PULL, 0.0))
+        yield open_(puller)
+        yield retreat(puller, 0.07)
+        yield home(puller)
+        yield place(arm, "base", self._spots(a, 0.0), yaws=self._across(a), above=0.10, press=-0.02, opening=0.02)
+        yield open_(arm, by=0.02)
+        yield lift(arm, 0.10)
+        yield open_(arm)
+
+    def _spots(self, a: Actor, pull: float) -> np.ndarray:
+        """Poses (4,7) on the floor of the drawer pulled out by `pull` m more, in the middle of what is open, more or less to
+        the side of the arm that holds the object."""
+        drawer, out = a.bodies["drawer"].instance, a.bodies["drawer"].pose[1] - a.pose("drawer")[1] + pull
+        assert isinstance(drawer, Drawer)
+        side = 1 if a.arms["arm"] == "right" else -1
+        depth = -pull - drawer.hy + out / 2 - 0.004
+        return np.stack([compose(a.pose("drawer"), pose((side * x, depth, 0.006))) for x in (0.03, 0.06, 0.0, 0.08)])
+
+    def _across(self, a: Actor) -> tuple[float, ...]:
+        """Yaw angles in which the long side of the object lies across the drawer."""
+        x, y, _ = np.ptp(a.bodies["object"].instance.shape().aabb(), axis=0)
+        turn = 0.0 if x > y else np.pi / 2
+        return tuple(turn + half + off for off in (0.0, 0.25, -0.25, 0.5, -0.5) for half in (0.0, np.pi))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> bool:
+        drawer = o.bodies["drawer"].instance
+        assert isinstance(drawer, Drawer)
+        x, y, z = transform(inverse(o.pose("drawer")), o.pose("object")[:3])
+        inside = abs(x) < drawer.hx and abs(y) < drawer.hy and 0 < z < drawer.height + 0.04
+        opened = float(np.linalg.norm(o.pose("drawer")[:3] - o.pose("drawer", 0)[:3])) > 0.05
+        let_go = o.opening(arms["arm"]) > OPEN and not o.handled("object")
+        return bool(inside and opened and let_go) and o.touching("object", "drawer") and not o.touching("object", "table")
