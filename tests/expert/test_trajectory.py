@@ -82,7 +82,9 @@ def test_never_slower_than_a_stop_at_every_corner(seed: int, corners: int) -> No
 
 
 def test_a_sharp_bend_before_a_short_last_leg_costs_no_days() -> None:
-    path = np.array([[-0.69, 1.43, 1.0, -1.19, -0.52, 1.46], [-0.48, 2.42, 2.48, -1.52, 0.54, -1.72], [-0.44, 2.44, 2.49, -1.53, 0.52, -1.75]])
+    path = np.array(
+        [[-0.69, 1.43, 1.0, -1.19, -0.52, 1.46], [-0.48, 2.42, 2.48, -1.52, 0.54, -1.72], [-0.44, 2.44, 2.49, -1.53, 0.52, -1.75]]
+    )
     assert time_parameterise(path, V, A).duration < 4.0  # 3.18 rad at 1.4 rad/s and a little
 
 
