@@ -1,0 +1,33 @@
+"""What an arm can do. Each skill is a function that returns a generator of beats; tasks yield skills, `together` joins two arms.
+
+Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
+"""
+
+from pipeline.expert.skills.gestures import pour, rock, shake, turn
+from pipeline.expert.skills.hand import close, grasp, open_, pause
+from pipeline.expert.skills.moving import carry, home, lift, move, retreat, shift
+from pipeline.expert.skills.pairing import together
+from pipeline.expert.skills.setting import ROUND, place, press, resting_poses, upright_goal
+
+__all__ = [
+    "ROUND",
+    "carry",
+    "close",
+    "grasp",
+    "home",
+    "lift",
+    "move",
+    "open_",
+    "pause",
+    "place",
+    "pour",
+    "press",
+    "resting_poses",
+    "retreat",
+    "rock",
+    "shake",
+    "shift",
+    "together",
+    "turn",
+    "upright_goal",
+]

@@ -1,0 +1,82 @@
+"""The gripper: close, open, grasp. Opening lets go of whatever was held."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Beat, Skill
+from pipeline.expert.grasping import plan_grasp
+from pipeline.expert.planner import Leg
+from pipeline.poses import Pose
+from pipeline.world.simulation import PHYSICS_HZ
+
+APPROACH_SPEED = 0.30
+SQUEEZE_SECONDS = 0.15
+
+
+def jaws(a: Actor, side: str, value: float, hold: float = SQUEEZE_SECONDS) -> Beat:
+    """The jaws travel to `value` at their own speed, then wait `hold` s; the arm stands still."""
+    gripper = a.planner.embodiment.arms[side].gripper
+    stroke = abs(gripper.opened[0] - gripper.closed[0]) * abs(value - a.gripper(side))
+    n = max(1, round(stroke / gripper.speed * PHYSICS_HZ))
+    values = np.concatenate([np.linspace(a.gripper(side), value, n + 1)[1:], np.full(round(hold * PHYSICS_HZ), value)])
+    q = np.repeat(a.q(side)[None], len(values), 0)
+    return {side: Leg(q, np.zeros_like(q), values)}
+
+
+def wider(a: Actor, side: str, by: float) -> float:
+    """Gripper value `by` m wider than the measured opening."""
+    gripper = a.planner.embodiment.arms[side].gripper
+    measured = a.planner.split(a.simulation.state_vector(a.simulation.qpos()[0]))[side][1]
+    return min(1.0, measured + by / gripper.max_opening)
+
+
+def close(side: str) -> Skill:
+    """Close the gripper."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield jaws(a, side, 0.0)
+
+    return act
+
+
+def open_(side: str, by: float | None = None) -> Skill:
+    """Open the gripper, all the way or only `by` m wider than it is measured to be; whatever it held is let go."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        a.held.pop(side, None)
+        yield jaws(a, side, 1.0 if by is None else wider(a, side, by))
+
+    return act
+
+
+def grasp(
+    side: str,
+    name: str,
+    *,
+    kinds: Sequence[str] | None = None,
+    goals: Sequence[Sequence[Pose]] = (),
+    standoff: float = 0.08,
+    pitch: float = 0.9,
+) -> Skill:
+    """Go to the standoff, in on a straight line, and close on body `name`. See grasping.plan_grasp for the arguments."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        if a.gripper(side) < 0.99:
+            yield jaws(a, side, 1.0, hold=0.0)
+        plan = plan_grasp(a, side, name, kinds=kinds, goals=goals, standoff=standoff, pitch=pitch)
+        yield {side: plan.to_standoff}
+        yield {side: a.planner.timed(side, plan.line, a.gripper(side), minimum=standoff / APPROACH_SPEED)}
+        a.held[side] = name
+        yield jaws(a, side, 0.0)
+
+    return act
+
+
+def pause(side: str, seconds: float) -> Skill:
+    """Hold still, for what was poured to run out."""
+
+    def act(a: Actor) -> Iterator[Beat]:
+        yield jaws(a, side, a.gripper(side), hold=seconds)
+
+    return act
