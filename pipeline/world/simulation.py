@@ -1,33 +1,25 @@
 """Physics only: a table, two arms, the bodies of a scene and one target that moves on its own until something touches it.
 
-SAPIEN 3 on CPU PhysX. Fresh simulations that are given the same commands produce the same bytes. No renderer is ever opened here.
+`scene_building` makes them, here they are stepped and read. SAPIEN 3 on CPU PhysX. Fresh simulations that are given the same
+commands produce the same bytes. No renderer is ever opened here.
 """
 
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 import sapien
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.poses import Pose, compose, frame, inverse
-from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
-from pipeline.world.robots.contract import SIDES, Arm, Embodiment, jaw_positions, jaw_value
-from pipeline.world.robots.urdf import arm_urdf
-from pipeline.world.shapes import Collider
+from pipeline.poses import Pose, compose, inverse
+from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.robots.contract import SIDES, Embodiment, jaw_value
+from pipeline.world.scene_building import add_arm, add_body, add_slide, add_table, rigid_of, to_sapien
 from pipeline.world.state_log import Event
 
 PHYSICS_HZ = 240
-_ROBOT_FRICTION = 1.2
-_TABLE_FRICTION = 0.5
-_JAW_STIFFNESS, _JAW_DAMPING = 1500.0, 60.0
-_SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
-_STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
 _TOUCH_IMPULSE = 1e-7  # N s; SAPIEN lists near pairs with zero impulse before they touch
-_X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
 
 
 class Motion(Protocol):
@@ -42,50 +34,8 @@ class Motion(Protocol):
         ...
 
 
-def _pose(p: Pose) -> sapien.Pose:
-    return sapien.Pose(p[:3], p[3:])
-
-
 def _array(p: sapien.Pose) -> Pose:
     return np.array(p.__getstate__())  # the seven numbers x, y, z, w, x, y, z; several times faster than reading p and q
-
-
-def _pieces(pieces: Sequence[Collider], material: Any, mass: float) -> list[Any]:
-    """Collision shapes with densities that add up to `mass` (kg)."""
-    density = mass / sum(c.weight * c.volume() for c in pieces)
-    shapes = []
-    for c in pieces:
-        at = _pose(c.pose)
-        if c.kind == "box":
-            shape = sapien.physx.PhysxCollisionShapeBox(c.size, material)
-        elif c.kind == "sphere":
-            shape = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
-        elif c.kind == "convex":
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material)
-        else:
-            along_x = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
-            shape, at = along_x(c.size[0], c.size[1], material), at * _X_TO_Z
-        shape.set_local_pose(at)
-        shape.set_density(density * c.weight)
-        shapes.append(shape)
-    return shapes
-
-
-@lru_cache(maxsize=16)
-def _arm_builder(arm: Arm, side: str) -> Any:
-    """What SAPIEN makes of an arm's URDF, without a scene: parsing takes longer than 0.1 s of simulation."""
-    loader = sapien.Scene([sapien.physx.PhysxCpuSystem()]).create_urdf_loader()
-    loader.fix_root_link = True
-    loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
-    with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-        file.write(arm_urdf(arm))
-        file.flush()
-        builder = loader.parse(file.name)[0][0]
-    for link in builder.link_builders:
-        link.visual_records.clear()
-        # the same id and ignore bit: no contacts inside one arm, contacts between the arms
-        link.collision_groups = [1, 1, 1 << 29, 1 + SIDES.index(side)]
-    return builder
 
 
 class _Standing:
@@ -116,19 +66,17 @@ class Simulation:
         self._upcoming: tuple[Any, ...] = ()
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
-        table = self._add_table()
-        self._entities = {b.name: self._add_body(b, pose) for b, pose in zip(self.bodies, self._first_poses(), strict=True)}
-        self._rigid = {
-            name: entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent) for name, entity in self._entities.items()
-        }
-        for body in self.bodies:
-            self._add_slide(body)
-        self._joints: dict[str, list[Any]] = {}
-        self._order: dict[str, tuple[list[Any], list[Any]]] = {}
-        self._robots = {side: self._add_arm(side, embodiment.arms[side]) for side in SIDES}
+        table = add_table(self._scene)
+        self._entities = {b.name: add_body(self._scene, b, pose) for b, pose in zip(self.bodies, self._first_poses(), strict=True)}
+        self._rigid = {name: rigid_of(entity) for name, entity in self._entities.items()}
+        by_name = {b.name: b for b in self.bodies}
+        for b in self.bodies:
+            if b.slide is not None:
+                add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
+        self._arms = {side: add_arm(self._scene, side, embodiment.arms[side]) for side in SIDES}
         self._rigid[target].set_kinematic(True)
         self._free = {b.name for b in self.bodies if not b.fixed and b.name != target}
-        links = {side: self._robots[side].links for side in SIDES}
+        links = {side: self._arms[side].robot.links for side in SIDES}
         self._link_names = tuple(f"{side}_{link.name}" for side in SIDES for link in links[side])
         self._posed = [*self._entities.values(), *(link.entity for side in SIDES for link in links[side])]
         self._hands = {side: next(x.entity for x in links[side] if x.name == embodiment.arms[side].hand) for side in SIDES}
@@ -138,22 +86,8 @@ class Simulation:
         riders = {b.name for b in self.bodies if b.inside == target}
         touchers = (self._free - riders).union(self._link_names)
         self._touchers = {component for component, name in zip(physical, self.names, strict=True) if name in touchers}
-        self.joint_names = tuple(f"{side}_{j.name}" for side in SIDES for j in self._joints[side])
+        self.joint_names = tuple(f"{side}_{j.name}" for side in SIDES for j in self._arms[side].active)
         self.command = self.home_vector()
-
-    # --- building -------------------------------------------------------------------------------------------------------
-
-    def _add_table(self) -> Any:
-        """The table top's component."""
-        material = sapien.physx.PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
-        builder = self._scene.create_actor_builder()
-        half = (*TABLE_HALF, 0.025)
-        builder.add_box_collision(sapien.Pose([0, 0, TABLE_TOP - half[2]]), half, material)
-        table = builder.build_static(name="table")
-        floor = self._scene.create_actor_builder()
-        floor.add_box_collision(sapien.Pose([0, 0, -0.05]), (3.0, 3.0, 0.05), material)
-        floor.build_static(name="floor")
-        return table.components[0]
 
     def _first_poses(self) -> list[Pose]:
         """Where the bodies begin: the target and what lies in it at the start of its motion, the others where they stand."""
@@ -161,63 +95,6 @@ class Simulation:
         start = np.asarray(self.motion.pose(np.zeros(())), float)
         riding = {self.target, *(b.name for b in self.bodies if b.inside == self.target)}
         return [compose(start, compose(inverse(end), b.pose)) if b.name in riding else b.pose for b in self.bodies]
-
-    def _add_slide(self, body: Body) -> None:
-        if body.slide is None:
-            return
-        parent = next(b for b in self.bodies if b.name == body.inside)
-        x = np.asarray(body.slide.axis, float)
-        y = np.array([0.0, 0.0, 1.0])
-        along = frame((0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0]))
-        drive = sapien.physx.PhysxDriveComponent(self._rigid[body.name])
-        drive.set_parent(self._entities[parent.name].components[0])
-        drive.set_pose_in_child(_pose(along))
-        drive.set_pose_in_parent(_pose(compose(compose(inverse(parent.pose), body.pose), along)))
-        drive.set_limit_x(body.slide.lower, body.slide.upper)
-        drive.set_limit_y(0.0, 0.0)
-        drive.set_limit_z(0.0, 0.0)
-        drive.set_limit_twist(0.0, 0.0)
-        drive.set_drive_property_swing(*_STIFF)  # SAPIEN's cone and pyramid limits do not hold the two other turns
-        drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
-        self._entities[body.name].add_component(drive)
-
-    def _add_body(self, body: Body, pose: Pose) -> sapien.Entity:
-        shape = body.instance.shape()
-        material = sapien.physx.PhysxMaterial(shape.friction, shape.friction, 0.0)
-        component = sapien.physx.PhysxRigidStaticComponent() if body.fixed else sapien.physx.PhysxRigidDynamicComponent()
-        for piece in _pieces(shape.collision, material, shape.mass):
-            component.attach(piece)
-        entity = sapien.Entity()
-        entity.name = body.name
-        entity.add_component(component)
-        entity.set_pose(_pose(pose))
-        self._scene.add_entity(entity)
-        return entity
-
-    def _add_arm(self, side: str, arm: Arm) -> sapien.physx.PhysxArticulation:
-        builder = _arm_builder(arm, side)
-        builder.set_scene(self._scene)
-        robot = builder.build()
-        robot.set_root_pose(_pose(arm.base))
-        for link in robot.links:
-            link.entity.name = f"{side}_{link.name}"
-        active = list(robot.active_joints)
-        by_name = {j.name: j for j in active}
-        limits = {j.name: j for j in arm.joints}
-        for name in arm.arm_joints:
-            joint = by_name[name]
-            joint.set_drive_properties(arm.stiffness, arm.damping, limits[name].effort, "force")
-            joint.set_friction(0.0)
-        for name in arm.gripper.joints:
-            by_name[name].set_drive_properties(_JAW_STIFFNESS, _JAW_DAMPING, arm.gripper.force, "force")
-            by_name[name].set_friction(0.0)
-        self._joints[side] = active
-        self._order[side] = ([by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints])
-        qpos = dict(zip(arm.arm_joints, arm.home, strict=True)) | dict(
-            zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True)
-        )
-        robot.set_qpos(np.array([qpos[j.name] for j in active]))
-        return robot
 
     def home_vector(self) -> NDArray[np.float64]:
         """Command vector with both arms at home and both grippers open."""
@@ -234,20 +111,19 @@ class Simulation:
         """Advance one physics step with drive targets `command` and `velocity` (vector layout; gripper entries 0-1 and 1/s)."""
         i = 0
         for side in SIDES:
-            arm, robot = self.embodiment.arms[side], self._robots[side]
-            joints, jaws = self._order[side]
-            for joint in joints:
+            gripper, arm = self.embodiment.arms[side].gripper, self._arms[side]
+            for joint in arm.joints:
                 joint.set_drive_target(command[i])
                 joint.set_drive_velocity_target(velocity[i])
                 i += 1
-            closed, opened = arm.gripper.closed, arm.gripper.opened
-            for k, jaw in enumerate(jaws):
+            closed, opened = gripper.closed, gripper.opened
+            for k, jaw in enumerate(arm.jaws):
                 jaw.set_drive_target(closed[k] + command[i] * (opened[k] - closed[k]))
                 jaw.set_drive_velocity_target(velocity[i] * (opened[k] - closed[k]))
-            robot.set_qf(robot.compute_passive_force())
+            arm.robot.set_qf(arm.robot.compute_passive_force())
             i += 1
         if not self.released:
-            self._rigid[self.target].set_kinematic_target(_pose(self._target_pose(self.steps + 1)))
+            self._rigid[self.target].set_kinematic_target(to_sapien(self._target_pose(self.steps + 1)))
         self._scene.step()
         self.steps += 1
         self.command = command
@@ -322,7 +198,7 @@ class Simulation:
 
     def qpos(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Measured joint positions and velocities (J,), jaws included, in the order of `joint_names`."""
-        robots = [self._robots[side] for side in SIDES]
+        robots = [self._arms[side].robot for side in SIDES]
         return np.concatenate([r.qpos for r in robots]).astype(float), np.concatenate([r.qvel for r in robots]).astype(float)
 
     def state_vector(self, qpos: NDArray[np.float64]) -> NDArray[np.float64]:

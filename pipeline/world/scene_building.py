@@ -1,0 +1,153 @@
+"""SAPIEN things out of specs: the table, bodies, slides and arms of one physics scene, each by one function."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sapien
+
+from pipeline.poses import Pose, compose, frame, inverse
+from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
+from pipeline.world.robots.contract import SIDES, Arm, jaw_positions
+from pipeline.world.robots.urdf import arm_urdf
+from pipeline.world.shapes import Collider
+
+_ROBOT_FRICTION = 1.2
+_TABLE_FRICTION = 0.5
+_JAW_STIFFNESS, _JAW_DAMPING = 1500.0, 60.0
+_SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
+_STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
+_X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
+
+
+def to_sapien(p: Pose) -> sapien.Pose:
+    """SAPIEN's pose from ours (7,)."""
+    return sapien.Pose(p[:3], p[3:])
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltArm:
+    """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws in the order of its spec."""
+
+    robot: Any
+    active: list[Any]
+    joints: list[Any]
+    jaws: list[Any]
+
+
+def add_table(scene: sapien.Scene) -> Any:
+    """Table top and floor; the table top's component."""
+    material = sapien.physx.PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
+    builder = scene.create_actor_builder()
+    half = (*TABLE_HALF, 0.025)
+    builder.add_box_collision(sapien.Pose([0, 0, TABLE_TOP - half[2]]), half, material)
+    table = builder.build_static(name="table")
+    floor = scene.create_actor_builder()
+    floor.add_box_collision(sapien.Pose([0, 0, -0.05]), (3.0, 3.0, 0.05), material)
+    floor.build_static(name="floor")
+    return table.components[0]
+
+
+def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
+    """A body at a world pose (7,): static where it is fixed, dynamic otherwise."""
+    shape = body.instance.shape()
+    material = sapien.physx.PhysxMaterial(shape.friction, shape.friction, 0.0)
+    component = sapien.physx.PhysxRigidStaticComponent() if body.fixed else sapien.physx.PhysxRigidDynamicComponent()
+    for piece in _pieces(shape.collision, material, shape.mass):
+        component.attach(piece)
+    entity = sapien.Entity()
+    entity.name = body.name
+    entity.add_component(component)
+    entity.set_pose(to_sapien(pose))
+    scene.add_entity(entity)
+    return entity
+
+
+def add_slide(body: Body, parent: Body, entity: sapien.Entity, parent_entity: sapien.Entity) -> None:
+    """Make a body with a slide run in its parent, from where it stands."""
+    assert body.slide is not None
+    x = np.asarray(body.slide.axis, float)
+    y = np.array([0.0, 0.0, 1.0])
+    along = frame((0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0]))
+    drive = sapien.physx.PhysxDriveComponent(rigid_of(entity))
+    drive.set_parent(parent_entity.components[0])
+    drive.set_pose_in_child(to_sapien(along))
+    drive.set_pose_in_parent(to_sapien(compose(compose(inverse(parent.pose), body.pose), along)))
+    drive.set_limit_x(body.slide.lower, body.slide.upper)
+    drive.set_limit_y(0.0, 0.0)
+    drive.set_limit_z(0.0, 0.0)
+    drive.set_limit_twist(0.0, 0.0)
+    drive.set_drive_property_swing(*_STIFF)  # SAPIEN's cone and pyramid limits do not hold the two other turns
+    drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
+    entity.add_component(drive)
+
+
+def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
+    """An arm at its base, at home, its gripper open, with its drives set."""
+    builder = _arm_builder(arm, side)
+    builder.set_scene(scene)
+    robot = builder.build()
+    robot.set_root_pose(to_sapien(arm.base))
+    for link in robot.links:
+        link.entity.name = f"{side}_{link.name}"
+    active = list(robot.active_joints)
+    by_name = {j.name: j for j in active}
+    limits = {j.name: j for j in arm.joints}
+    for name in arm.arm_joints:
+        joint = by_name[name]
+        joint.set_drive_properties(arm.stiffness, arm.damping, limits[name].effort, "force")
+        joint.set_friction(0.0)
+    for name in arm.gripper.joints:
+        by_name[name].set_drive_properties(_JAW_STIFFNESS, _JAW_DAMPING, arm.gripper.force, "force")
+        by_name[name].set_friction(0.0)
+    qpos = dict(zip(arm.arm_joints, arm.home, strict=True)) | dict(
+        zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True)
+    )
+    robot.set_qpos(np.array([qpos[j.name] for j in active]))
+    return BuiltArm(robot, active, [by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints])
+
+
+def rigid_of(entity: sapien.Entity) -> Any:
+    """The component of a body that moves, None for a fixed one."""
+    return entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+
+
+def _pieces(pieces: Sequence[Collider], material: Any, mass: float) -> list[Any]:
+    """Collision shapes with densities that add up to `mass` (kg)."""
+    density = mass / sum(c.weight * c.volume() for c in pieces)
+    shapes = []
+    for c in pieces:
+        at = to_sapien(c.pose)
+        if c.kind == "box":
+            shape = sapien.physx.PhysxCollisionShapeBox(c.size, material)
+        elif c.kind == "sphere":
+            shape = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
+        elif c.kind == "convex":
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material)
+        else:
+            along_x = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
+            shape, at = along_x(c.size[0], c.size[1], material), at * _X_TO_Z
+        shape.set_local_pose(at)
+        shape.set_density(density * c.weight)
+        shapes.append(shape)
+    return shapes
+
+
+@lru_cache(maxsize=16)
+def _arm_builder(arm: Arm, side: str) -> Any:
+    """What SAPIEN makes of an arm's URDF, without a scene: parsing takes longer than 0.1 s of simulation."""
+    loader = sapien.Scene([sapien.physx.PhysxCpuSystem()]).create_urdf_loader()
+    loader.fix_root_link = True
+    loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
+    with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+        file.write(arm_urdf(arm))
+        file.flush()
+        builder = loader.parse(file.name)[0][0]
+    for link in builder.link_builders:
+        link.visual_records.clear()
+        # the same id and ignore bit: no contacts inside one arm, contacts between the arms
+        link.collision_groups = [1, 1, 1 << 29, 1 + SIDES.index(side)]
+    return builder
