@@ -1,7 +1,7 @@
 """Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --seeds 5`.
 
-Prints one row per task and robot and a mean per robot; `--out FILE.md` also writes the table with the reasons of failure. `--alpha`
-takes a list and then prints yield and speeds per alpha.
+Prints per cent accepted, tasks down, robots and levels across, and the reasons of failure. `--alpha` takes a list and then prints
+yield and speeds per alpha, drawn with `--plot FILE.png`.
 """
 
 import argparse
@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+from tqdm import tqdm
 
 from benchmarks.hardware import hardware
 from pipeline.manifest import Recipe
@@ -49,30 +51,44 @@ def one(spec: EpisodeSpec) -> Try:
 
 
 def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
-    """All specs, over processes when asked for more than one worker."""
-    if workers == 1:
-        return [one(spec) for spec in specs]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(one, specs, chunksize=1))
+    """All specs in fresh processes; a bar shows how far and how well it goes."""
+    tries = list[Try]()
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(specs), unit="attempt") as bar:
+        for t in pool.map(one, specs, chunksize=1):
+            tries.append(t)
+            bar.update()
+            bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.0%} accepted")
+    return tries
 
 
-def table(tries: Sequence[Try], robots: Sequence[str]) -> str:
-    """Markdown: tasks down, robots across, per cent of attempts accepted; means; reasons of failure."""
-    by: dict[tuple[str, str], list[Try]] = defaultdict(list)
+def rates(tries: Sequence[Try], robots: Sequence[str], levels: Sequence[int]) -> str:
+    """Markdown: tasks down, robots (and levels where there are several) across, per cent of attempts accepted; means."""
+    columns = list(itertools.product(robots, levels))
+    by: dict[tuple[str, str, int], list[bool]] = defaultdict(list)
     for t in tries:
-        by[t.spec.task, t.spec.embodiment].append(t)
+        by[t.spec.task, t.spec.embodiment, t.spec.level].append(not t.reason)
     tasks = sorted({t.spec.task for t in tries})
-    rate = {key: 100 * float(np.mean([not t.reason for t in group])) for key, group in by.items()}
-    rows = ["| task | " + " | ".join(robots) + " |", "|---|" + "---:|" * len(robots)]
-    rows += [f"| {task} | " + " | ".join(f"{rate[task, robot]:.0f}" for robot in robots) + " |" for task in tasks]
-    means = [np.mean([rate[task, robot] for task in tasks]) for robot in robots]
-    rows.append("| **mean** | " + " | ".join(f"**{m:.0f}**" for m in means) + " |")
-    rows.append("| original, static, its 35 tasks | " + " | ".join(f"{ORIGINAL_STATIC[r]:.0f}" for r in robots) + " |")
-    reasons = Counter((t.spec.embodiment, t.spec.task, t.reason) for t in tries if t.reason)
-    if reasons:
-        rows += ["", "| robot | task | reason | attempts |", "|---|---|---|---:|"]
-        rows += [f"| {robot} | {task} | {reason} | {n} |" for (robot, task, reason), n in sorted(reasons.items())]
+    heads = [robot + (f" L{level}" if len(levels) > 1 else "") for robot, level in columns]
+    rows = [" | ".join(["| task", *heads, "s per accepted |"]), "|---|" + "---:|" * (len(columns) + 1)]
+    for task in tasks:
+        cells = [f"{100 * np.mean(by[task, *column]):.0f}" for column in columns]
+        rows.append(" | ".join([f"| {task}", *cells, f"{cost([t for t in tries if t.spec.task == task]):.1f} |"]))
+    means = [100 * np.mean([np.mean(by[task, *column]) for task in tasks]) for column in columns]
+    rows.append(" | ".join(["| **mean**", *(f"**{m:.0f}**" for m in means), f"{cost(tries):.2f} |"]))
+    rows.append(" | ".join(["| original, static", *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot, _ in columns), " |"]))
     return "\n".join(rows)
+
+
+def reasons(tries: Sequence[Try]) -> str:
+    """Markdown: why attempts failed, per robot and task."""
+    counts = Counter((t.spec.embodiment, t.spec.task, t.reason) for t in tries if t.reason)
+    rows = ["| robot | task | stage and reason | attempts |", "|---|---|---|---:|"]
+    return "\n".join(rows + [f"| {robot} | {task} | {reason} | {n} |" for (robot, task, reason), n in sorted(counts.items())])
+
+
+def cost(tries: Sequence[Try]) -> float:
+    """CPU seconds of all attempts per accepted one."""
+    return sum(t.seconds for t in tries) / max(1, sum(not t.reason for t in tries))
 
 
 def alphas(tries: Sequence[Try]) -> str:
@@ -86,6 +102,30 @@ def alphas(tries: Sequence[Try]) -> str:
     return "\n".join(rows)
 
 
+def plot(tries: Sequence[Try], path: Path) -> None:
+    """Picture of the yield and of the target's speeds against alpha, one line per task and their mean."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    steps = sorted({t.spec.alpha for t in tries})
+    tasks = sorted({t.spec.task for t in tries})
+    by: dict[tuple[str, float], list[bool]] = defaultdict(list)
+    for t in tries:
+        by[t.spec.task, t.spec.alpha].append(not t.reason)
+    share = np.array([[np.mean(by[task, alpha]) for alpha in steps] for task in tasks])
+    for name, row in zip(tasks, share, strict=True):
+        left.plot(steps, 100 * row, marker=".", lw=0.8, alpha=0.6, label=name)
+    left.plot(steps, 100 * share.mean(0), "k", marker="o", lw=2, label="mean")
+    left.set(xlabel="alpha (m/s)", ylabel="attempts accepted (%)", ylim=(0, 103))
+    left.legend(fontsize=7)
+    good = [[t for t in tries if t.spec.alpha == a and not t.reason] for a in steps]
+    width = 0.3 * float(np.diff(steps).min())
+    right.boxplot([[t.average for t in group] for group in good], positions=steps, widths=width, manage_ticks=False)
+    right.plot(steps, [max((t.fastest for t in group), default=np.nan) for group in good], "r^", label="fastest instant")
+    right.plot([0, steps[-1]], [0, steps[-1]], "k:", label="alpha")
+    right.set(xlabel="alpha (m/s)", ylabel="target speed, average of an episode (m/s)", ylim=(0, None))
+    right.legend(fontsize=7)
+    figure.savefig(path, dpi=110)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tasks", default="all")
@@ -94,7 +134,8 @@ def main() -> None:
     parser.add_argument("--alpha", default="0.1")
     parser.add_argument("--seeds", type=int, default=5, help="attempts per task, robot, level and alpha")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
+    parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
     args = parser.parse_args()
     tasks = sorted(TASKS) if args.tasks == "all" else args.tasks.split(",")
     robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
@@ -104,14 +145,14 @@ def main() -> None:
         for task, robot, level, alpha, seed in itertools.product(tasks, robots, levels, speeds, range(args.seeds))
     ]
     tries = run(specs, args.workers)
-    accepted = [t for t in tries if not t.reason]
-    spent = sum(t.seconds for t in tries) / max(1, len(accepted))
     what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}"
-    head = f"{what}, {spent:.2f} s of physics and planning per accepted episode."
-    text = "\n\n".join([head, hardware(), table(tries, robots), *([alphas(tries)] if len(speeds) > 1 else [])])
-    print(text)
+    head = f"{what}, {cost(tries):.2f} s of physics and planning per accepted episode."
+    parts = [head, hardware(), rates(tries, robots, levels), *([alphas(tries)] if len(speeds) > 1 else []), reasons(tries)]
+    print("\n\n".join(parts))
     if args.out:
-        args.out.write_text(text + "\n")
+        args.out.write_text("\n\n".join(parts) + "\n")
+    if args.plot:
+        plot(tries, args.plot)
 
 
 if __name__ == "__main__":
