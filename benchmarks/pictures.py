@@ -60,9 +60,13 @@ def robots(out: Path, task: str = "shake_bottle") -> None:
 
 
 def sheet(dataset: Path, out: Path) -> None:
-    """One episode of every task of a dataset, of its highest level."""
+    """One episode of every task of a dataset, of its highest level: a row each, or three side by side where there are many."""
     tasks = sorted(p for p in (dataset / "episodes").iterdir() if p.is_dir())
-    save_contact_sheet(out, [sorted(task.rglob("*.hdf5"))[-1] for task in tasks], 6, 200)
+    episodes = [sorted(task.rglob("*.hdf5"))[-1] for task in tasks]
+    if len(tasks) > 12:
+        save_contact_sheet(out, episodes, 3, 160, across=3)
+    else:
+        save_contact_sheet(out, episodes, 6, 200)
 
 
 def main() -> None:
