@@ -86,7 +86,7 @@ def _episode(level: int, rollout: Rollout) -> Iterator[Finding]:
 
 def _false_instruction(stage: Stage) -> str | None:
     words = {name: body.instance.words() for name, body in stage.bodies.items()}
-    made = instructions(stage.task.seen, stage.task.unseen, words, stage.arms, stage.spec.rng("language"), 50)
+    made = instructions(stage.task.seen, stage.task.unseen, words, stage.arms, stage.spec.rng("language"), 50, stage.spec.moving)
     used = set(stage.arms.values())
     for text in (*made["seen"], *made["unseen"]):
         for phrase, side in _SIDES.items():

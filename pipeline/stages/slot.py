@@ -88,7 +88,7 @@ def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
     stage, task = rollout.stage, rollout.stage.task
     words = {name: body.instance.words() for name, body in stage.bodies.items()}
     spec = stage.spec
-    text = instructions(task.seen, task.unseen, words, stage.arms, spec.rng("language"), recipe.instructions)
+    text = instructions(task.seen, task.unseen, words, stage.arms, spec.rng("language"), recipe.instructions, spec.moving)
     objects = {
         name: {
             "family": body.family,

@@ -1,7 +1,8 @@
 """Instructions in words: templates with slots, filled with true descriptions of the objects and the names of the acting arms.
 
 A template is a sentence such as "Press {bell} with {arm}.": a slot names a body of the layout ("the small red bell") or a role of
-an arm ("the left arm"). Templates carry no article before a slot.
+an arm ("the left arm"). Templates carry no article before a slot. One that begins with "~" says that the target moves ("~ Catch
+{can}.") and is used only where it does.
 """
 
 import re
@@ -15,6 +16,7 @@ import numpy as np
 from pipeline.world.objects.contract import Words
 
 SIDES = ("left", "right")
+MOVING = "~"
 _ARTICLE = re.compile(r"\b(the|a|an)\s+\{", re.IGNORECASE)
 _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
@@ -44,13 +46,15 @@ def instructions(
     arms: Mapping[str, str],
     rng: np.random.Generator,
     count: int = 100,
+    moving: bool = True,
 ) -> dict[str, list[str]]:
     """`count` instructions for each of the splits "seen" and "unseen" (templates and descriptions of that split).
 
     `objects` names the bodies and `arms` the roles with their sides. Every combination of template and descriptions comes once
     before any comes again, templates taking turns, and no instruction follows itself unless it is the only one. A template that
-    says "the left arm" outright is used only where the left arm acts. Raises ValueError, naming the template and the slot, for a
-    slot that is neither a body nor a role, for a side that is not left or right, and where no template of a split is true.
+    says "the left arm" outright is used only where the left arm acts, one marked "~" only where the target is `moving`. Raises
+    ValueError, naming the template and the slot, for a slot that is neither a body nor a role, for a side that is not left or
+    right, and where no template of a split is true.
     """
     for role, side in arms.items():
         if side not in SIDES:
@@ -60,7 +64,7 @@ def instructions(
         "unseen": {name: w.unseen for name, w in objects.items()},
     }
     return {
-        split: _draw([_sentences(t, words[split], arms) for t in templates if _true(t, arms)], split, rng, count)
+        split: _draw([_sentences(t, words[split], arms) for t in templates if _true(t, arms, moving)], split, rng, count)
         for split, templates in (("seen", seen), ("unseen", unseen))
     }
 
@@ -105,12 +109,15 @@ def sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else text + "."
 
 
-def _true(template: str, arms: Mapping[str, str]) -> bool:
+def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
+    if template.startswith(MOVING) and not moving:
+        return False
     return {side.lower() for side in _NAMED_ARM.findall(template)} <= set(arms.values())
 
 
 def _sentences(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]) -> list[str]:
     """Every way to fill a template, leaving out, where it can be, those that describe two bodies in the same words."""
+    template = template.removeprefix(MOVING)
     names = slots(template)
     for name in names:
         if name not in words and name not in arms:
@@ -127,7 +134,7 @@ def _sentences(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[
 
 def _draw(templates: Sequence[Sequence[str]], split: str, rng: np.random.Generator, count: int) -> list[str]:
     if not templates:
-        raise ValueError(f"no {split} template is true of the acting arms")
+        raise ValueError(f"no {split} template is true of this scene")
     several = len({text for sentences in templates for text in sentences}) > 1
     drawn: list[str] = []
     while len(drawn) < count:

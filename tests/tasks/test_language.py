@@ -119,6 +119,18 @@ def test_slots_come_once_in_order():
     assert slots("Put {b} on {a}, then lift {b} with {arm}.") == ("b", "a", "arm")
 
 
+def test_templates_of_motion_are_for_moving_targets_only():
+    objects = {"bell": BELL}
+    for moving, expected in ((True, 2), (False, 1)):
+        drawn = instructions(
+            ("Press {bell}.", "~ Press {bell} while it moves."), ("Tap {bell}.",), objects, {}, np.random.default_rng(0), 50, moving
+        )
+        assert len({t.replace(b, "") for t in drawn["seen"] for b in BELL.seen if b in t}) == expected
+        assert not any("~" in t for t in drawn["seen"])
+    with pytest.raises(ValueError, match="true of this scene"):
+        instructions(("~ Catch {bell}.",), ("Tap {bell}.",), objects, {}, np.random.default_rng(0), 5, moving=False)
+
+
 def test_sentences():
     assert sentence("  take it.  then  go ") == "Take it. Then go."
     assert sentence("really?") == "Really?"

@@ -143,8 +143,8 @@ def test_the_task_describes_itself(name):
     assert "Success" in (type(task).__doc__ or "")
     assert 0 < task.step_limit <= 2000
     check_templates(task.seen, task.unseen, list(stage.bodies), list(stage.arms))
-    assert len(task.seen) >= 10
-    assert len(task.unseen) >= 3
+    assert len(task.seen) >= 40
+    assert len(task.unseen) >= 10
 
 
 @every_task
@@ -162,6 +162,18 @@ def test_instructions_are_true_of_their_scene(name):
                 named = [n for n, w in words.items() for phrase in getattr(w, split) if phrase in sentence]
                 assert named, f"{sentence!r} names no object of the scene"
         assert not set(text["seen"]) & set(text["unseen"])
+
+
+@every_task
+def test_no_instruction_speaks_of_motion_in_a_still_scene(name):
+    task, stage = TASKS[name], set_stage(spec(name))
+    words = {n: b.instance.words() for n, b in stage.bodies.items()}
+    still = instructions(task.seen, task.unseen, words, stage.arms, stage.spec.rng("language"), 400, moving=False)
+    motion = re.compile(r"\b(while (it|they) mov|moving|slides|catch|intercept|travels|on its way|as it (mov|pass|go))", re.I)
+    assert not [t for split in still.values() for t in split if motion.search(t)]
+    for templates, least in ((task.seen, 20), (task.unseen, 5)):
+        assert sum(not t.startswith("~") for t in templates) >= least
+    assert any(t.startswith("~") for t in task.seen)
 
 
 @every_task
