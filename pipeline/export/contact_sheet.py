@@ -13,6 +13,8 @@ from pipeline.spec import EpisodeSpec
 
 SUPER = 4  # text is drawn this many times larger and averaged down: cv2's stroke font is coarse at small sizes
 
+BETWEEN = "  |  "
+
 
 @dataclass(frozen=True)
 class Style:
@@ -71,14 +73,17 @@ def title(spec: EpisodeSpec) -> str:
 def subtitle(spec: EpisodeSpec) -> str:
     """Level, speed, robot and domain in words."""
     motion = f"level {spec.level}, {spec.alpha:g} m/s" if spec.moving else "static"
-    return f"{motion}  |  {spec.embodiment}  |  {spec.domain}"
+    return BETWEEN.join((motion, spec.embodiment, spec.domain))
 
 
 def _row(f: Film, width: int, style: Style) -> NDArray[np.uint8]:
     height, frame_width = f.shots[0].rgb.shape[:2]
     row = np.full((style.caption + height + style.margin, width, 3), style.paper, np.uint8)
     pen = _text(row, title(f.spec), (style.margin, 20), 0.56, style.ink)
-    _text(row, subtitle(f.spec), (pen + 14, 20), 0.44, style.faint)
+    parts = subtitle(f.spec).split(BETWEEN)
+    while parts and pen + 14 + _wide(BETWEEN.join(parts), 0.44) > width - style.margin:
+        parts.pop()
+    _text(row, BETWEEN.join(parts), (pen + 14, 20), 0.44, style.faint)
     for i, shot in enumerate(f.shots):
         left, top = style.margin + i * (frame_width + style.gap), style.caption
         row[top : top + height, left : left + frame_width] = shot.rgb
@@ -94,6 +99,11 @@ def _stamp(picture: NDArray[np.uint8], text: str, meeting: bool) -> None:
     wide = _text(box, text, (6, 13), 0.36, MEETING_COLOR if meeting else (240, 240, 240)) + 6
     corner = picture[-18:, :wide]
     corner[:] = (0.3 * corner + 0.7 * box[:, :wide]).astype(np.uint8)
+
+
+def _wide(text: str, size: float) -> float:
+    """Pixels that a text of a size takes."""
+    return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * SUPER, max(1, round(2.6 * size * SUPER)))[0][0] / SUPER
 
 
 def _text(picture: NDArray[np.uint8], text: str, origin: tuple[int, int], size: float, color: tuple[int, ...]) -> int:
