@@ -1,7 +1,8 @@
 """Which grasp to take: all annotated candidates are solved at once, then the cheapest one that can really be reached wins."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +10,15 @@ from numpy.typing import NDArray
 
 from pipeline.expert.failure import PlanFailure
 from pipeline.expert.kinematics import limit_margin
+from pipeline.expert.planner import Carried, Leg
 from pipeline.poses import Pose, compose, inverse, pose, quat_about
 from pipeline.world.objects.contract import Grasp
 
 if TYPE_CHECKING:
     from pipeline.expert.actor import Actor
-    from pipeline.expert.planner import Leg
 
 _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with the jaws exchanged
+_FROM_ABOVE = 0.06  # m straight down onto a goal that the arm should be able to go
 _SPARE_OPENING = 0.008  # m the jaws must open wider than the object
 
 
@@ -26,7 +28,7 @@ class GraspPlan:
 
     grasp: Grasp
     tcp: Pose
-    to_standoff: "Leg"
+    to_standoff: Leg
     line: NDArray[np.float64]
 
 
@@ -55,8 +57,8 @@ def plan_grasp(
     """Choose and plan a grasp of body `name` where it stands.
 
     `kinds` restricts the candidates. Every entry of `goals` lists poses (7,) of the body of which the same grasp must be able to
-    reach at least one later. `pitch` (rad below the horizontal) is the approach preferred among equals. Raises PlanFailure with
-    reason no_grasp, grasp_unreachable or grasp_blocked.
+    reach at least one later; one that gets there straight from above, touching nothing, is preferred. `pitch` (rad below the
+    horizontal) is the approach preferred among equals. Raises PlanFailure with reason no_grasp, grasp_unreachable or grasp_blocked.
     """
     planner = actor.planner
     opening = planner.embodiment.arms[side].gripper.max_opening - _SPARE_OPENING
@@ -77,13 +79,25 @@ def plan_grasp(
     closing = planner.checker(actor, side, jaws=1.0, margin=0.0)
     free = planner.checker(actor, side, jaws=1.0)
     blocked = "grasp_unreachable"
-    for i in np.argsort(cost, kind="stable")[: int(ok.sum())]:
-        line = planner.line(side, q[i], tcp[i])
-        if line is None or planner.line(side, line[-1], lifted(tcp[i], lift)) is None:
-            continue
-        blocked = "grasp_blocked"
-        if not (closing(line) and free(q[i])):
-            continue
+    spare = list[tuple[int, NDArray[np.float64]]]()
+
+    def ways() -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Candidates that can be taken, cheapest first; those from which no goal is sure to be reached are kept as `spare`."""
+        nonlocal blocked
+        for i in np.argsort(cost, kind="stable")[: int(ok.sum())]:
+            line = planner.line(side, q[i], tcp[i])
+            if line is None or planner.line(side, line[-1], lifted(tcp[i], lift)) is None:
+                continue
+            blocked = "grasp_blocked"
+            if not (closing(line) and free(q[i])):
+                continue
+            hold, jaws = Carried(side, name, inverse(local[i])), min(1.0, grasps[i // 2].width / opening)
+            if all(_leads_to(actor, hold, line[-1], jaws, np.asarray(wanted)) for wanted in goals):
+                yield i, line
+            else:
+                spare.append((i, line))
+
+    for i, line in chain(ways(), spare):
         tries -= 1
         try:
             return GraspPlan(grasps[i // 2], tcp[i], planner.free_leg(actor, side, q[i], free), line)
@@ -109,6 +123,17 @@ def _reaches_one(
             break
         out[todo] = actor.planner.solve(actor, side, compose(body[None], local[todo]))[1]
     return out
+
+
+def _leads_to(actor: "Actor", hold: Carried, q: NDArray[np.float64], jaws: float, bodies: NDArray[np.float64]) -> bool:
+    """Whether a body held like this gets to one of its poses (G,7) straight from above, no part of the arm touching anything."""
+    planner, side, n = actor.planner, hold.side, hold.name
+    free = planner.checker(
+        actor, side, [(n, other) for other in (*actor.obstacles(), "table") if other != n], jaws, margin=0.0, holding=hold
+    )
+    hands = compose(bodies, inverse(hold.pose)[None])
+    at, ok = planner.solve_from(side, hands, np.stack([q, planner.home(side)]))
+    return any(free(at[k]) and planner.line(side, at[k], lifted(hands[k], _FROM_ABOVE)) is not None for k in np.flatnonzero(ok))
 
 
 def hand_poses(actor: "Actor", side: str, bodies: NDArray[np.float64]) -> NDArray[np.float64]:

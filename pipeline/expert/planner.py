@@ -85,16 +85,24 @@ class Planner:
         return ik_many(self.chains[side], targets, seeds)
 
     def checker(
-        self, actor: "Actor", side: str, ignore: Iterable[tuple[str, str]] = (), jaws: float | None = None, margin: float = 0.002
+        self,
+        actor: "Actor",
+        side: str,
+        ignore: Iterable[tuple[str, str]] = (),
+        jaws: float | None = None,
+        margin: float = 0.002,
+        holding: Carried | None = None,
     ) -> Free:
         """`free(q)` for one arm, joints (n,) or rows (K,n), among the bodies as they stand, the other arm at its command, or
         where `actor.expected` says it will be.
 
-        `ignore` lists pairs (side or body, body) that may touch; `jaws` overrides the moving gripper's value.
+        `ignore` lists pairs (side or body, body) that may touch; `jaws` overrides the moving gripper's value; `holding` is a body
+        that is still to be grasped, as if it were.
         """
-        bodies = actor.bodies
-        obstacles = {name: (bodies[name].instance.shape().collision, pose) for name, pose in actor.obstacles().items()}
-        carried = {c.name: (c.side, bodies[c.name].instance.shape().collision, c.pose) for c in actor.carried()}
+        bodies, hold = actor.bodies, actor.carried() + ([holding] if holding else [])
+        carried = {c.name: (c.side, bodies[c.name].instance.shape().collision, c.pose) for c in hold}
+        still = {name: pose for name, pose in actor.obstacles().items() if name not in carried}
+        obstacles = {name: (bodies[name].instance.shape().collision, pose) for name, pose in still.items()}
         scene = self.world.with_objects(obstacles, carried, ignore=tuple(ignore), margin=margin)
         now = self.split(actor.simulation.command)
         values = {s: now[s][1] for s in SIDES}

@@ -42,9 +42,9 @@ def place(
 ) -> Skill:
     """Set the held body down so that its frame `point` meets `onto`, one of (N,7) poses or the only one (7,).
 
-    It comes from over there at `above` m, or half of that where the arm ends, then straight down, `press` m beyond. `out` is the
-    way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg. Ways on which jaws opened
-    (by `opening` m, or all the way) touch nothing are preferred.
+    It comes from over there at `above` m, or half or a quarter of that where the arm ends, then straight down, `press` m beyond.
+    `out` is the way back from the goal in the world, up unless said otherwise: a mug comes onto its peg along the peg. Ways on
+    which jaws opened (by `opening` m, or all the way) touch nothing are preferred.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
@@ -52,20 +52,26 @@ def place(
         back = np.concatenate([np.asarray(out, float), np.zeros(4)])
         local = a.frames(name)[point] if name else pose()
         bodies = np.concatenate([resting_poses(local, goal, yaws) for goal in np.atleast_2d(onto)])
-        heights = np.repeat([above, 0.5 * above], len(bodies))
-        down = np.tile(hand_poses(a, side, bodies), (2, 1))
+        heights = np.repeat([above, 0.5 * above, 0.25 * above], len(bodies))
+        down = np.tile(hand_poses(a, side, bodies), (3, 1))
         q, ok = a.planner.solve(a, side, down + heights[:, None] * back)
-        if not ok.any():
-            raise PlanFailure("place_unreachable", f"the {side} arm cannot hold {name} above its goal")
+
+        def from_below() -> list[tuple[int, NDArray[np.float64]]]:
+            """Ways found from the goal upwards: the arm may hover over it in a posture in which it cannot come down."""
+            q, ok = a.planner.solve(a, side, down[: len(bodies)] - press * back)
+            tops = [(i, q[i % len(bodies)]) for i in range(len(down)) if ok[i % len(bodies)]]
+            lines = [(i, a.planner.line(side, bottom, down[i] + heights[i] * back)) for i, bottom in tops]
+            return [(i, line[::-1]) for i, line in lines if line is not None]
+
         free = a.planner.checker(a, side)
-        cost = np.linalg.norm(q - a.q(side), axis=1) + 3.0 * (heights < above)
+        cost = np.linalg.norm(q - a.q(side), axis=1) + 6.0 * (1 - heights / above)
         order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
         jaws = 1.0 if opening is None else wider(a, side, opening)
         roomy = a.planner.checker(
             a, side, [(name, other) for other in (*a.obstacles(), *a.held.values(), "table") if other != name], jaws, 0.0
         )
         lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
-        ways = [(i, line) for i, line in lines if line is not None]
+        ways = [(i, line) for i, line in lines if line is not None] or from_below()
 
         def closed_in(line: NDArray[np.float64]) -> int:
             """Whether opened jaws would touch something on the way, and whether the hand could not draw back at its end."""
@@ -74,10 +80,10 @@ def place(
 
         ways.sort(key=lambda way: closed_in(way[1]))
         for i, line in ways[:12]:
-            if not free(q[i]):
+            if not free(line[0]):
                 continue
             try:
-                leg = a.planner.free_leg(a, side, q[i], free)
+                leg = a.planner.free_leg(a, side, line[0], free)
             except PlanFailure:
                 continue
             yield {side: leg}
