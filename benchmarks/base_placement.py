@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pipeline.expert.collision import CollisionWorld
 from pipeline.expert.kinematics import chain_of, ik_many
 from pipeline.poses import frame, pose, quat_about, quat_multiply, transform
-from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots import EMBODIMENTS, get_embodiment
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.notation import HEAD_CAMERA
@@ -145,7 +145,7 @@ def main() -> None:
     parser.add_argument("--yaw", type=float, nargs="+", default=[0.0], help="degrees inwards")
     parser.add_argument("--best", type=int, default=8, help="rows to print")
     a = parser.parse_args()
-    robot = EMBODIMENTS[a.model]()
+    robot = get_embodiment(a.model)
     x, y, z = robot.arms["left"].base[:3] * (-1, 1, 1)
     rows = []
     for place in product(a.x or [x], a.y or [y], a.z or [z], a.yaw):

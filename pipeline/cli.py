@@ -21,7 +21,7 @@ from pipeline.dataset import DatasetError
 from pipeline.episode import EpisodeError
 from pipeline.export.common import ExportError
 from pipeline.manifest import RecipeError
-from pipeline.world.robots import UnknownEmbodiment
+from pipeline.world.robots import RobotError, UnknownEmbodiment
 from pipeline.world.robots.vendor_urdf import VendorMeshError
 from pipeline.world.vulkan import NoRenderer
 
@@ -34,6 +34,7 @@ EXPECTED = (
     ExportError,
     AnnotateError,
     NoRenderer,
+    RobotError,
     UnknownEmbodiment,
     VendorMeshError,
 )

@@ -1,32 +1,65 @@
-"""Two single arms as one embodiment: the same model twice, or a mixed pair."""
+"""The robots that exist, and two single arms as one embodiment: the same model twice, or a mixed pair."""
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from pipeline.world.robots.contract import Arm, Embodiment
+from pipeline.world.robots.check import check_arm
+from pipeline.world.robots.contract import SIDES, Arm, Embodiment
 from pipeline.world.robots.notation import HEAD_CAMERA
 from pipeline.world.robots.stands import Stand
 
 
-class Model(Protocol):
-    """What a robot's module offers for pairing."""
+@dataclass(frozen=True)
+class Model:
+    """What a robot's file registers: its arm and what stands under it, for a side ("left" or "right"), in the world frame.
 
-    def arm(self, side: str) -> Arm:
-        """The arm at its `side` ("left" or "right") of the table."""
-        ...
+    `body` is what carries both arms, in place of two stands, where both arms are this model.
+    """
 
-    def stand(self, side: str) -> Stand:
-        """What stands under that arm, in the world frame: visuals and collision."""
-        ...
+    name: str
+    arm: Callable[[str], Arm]
+    stand: Callable[[str], Stand]
+    aliases: tuple[str, ...] = ()
+    body: Callable[[], Stand] | None = None
 
 
-def pair(name: str, left: Model, right: Model, aliases: tuple[str, ...] = ()) -> Embodiment:
-    """Embodiment with the left arm of one model and the right arm of another, each at its own place and on its own stand."""
-    stands = (left.stand("left"), right.stand("right"))
+MODELS: dict[str, Model] = {}
+ALIASES: dict[str, str] = {}
+
+
+def register(
+    name: str,
+    arm: Callable[[str], Arm],
+    stand: Callable[[str], Stand],
+    *,
+    aliases: tuple[str, ...] = (),
+    body: Callable[[], Stand] | None = None,
+) -> None:
+    """Enter a robot; names are lower case with hyphens. Raises ValueError for a name or alias that is taken or has another form."""
+    for word in (name, *aliases):
+        if word in MODELS or word in ALIASES:
+            raise ValueError(f"robot {name!r}: the name {word!r} is taken")
+        if word != word.strip().lower() or not word or any(c in word for c in "+_,/ "):
+            raise ValueError(f"robot {name!r}: {word!r} is no name; use lower case and hyphens")
+    MODELS[name] = Model(name, arm, stand, aliases, body)
+    ALIASES.update(dict.fromkeys(aliases, name))
+
+
+def pair(left: Model, right: Model) -> Embodiment:
+    """Embodiment with the left arm of one model and the right arm of another, each at its own place and on its own stand.
+
+    Raises RobotError for an arm whose spec is not sound.
+    """
+    arms = {side: model.arm(side) for side, model in zip(SIDES, (left, right), strict=True)}
+    for side, model in zip(SIDES, (left, right), strict=True):
+        check_arm(model.name, side, arms[side])
+    twins = left is right
+    parts = [left.body()] if twins and left.body else [left.stand("left"), right.stand("right")]
     return Embodiment(
-        name,
-        {"left": left.arm("left"), "right": right.arm("right")},
+        left.name if twins else f"{left.name}+{right.name}",
+        arms,
         HEAD_CAMERA,
-        tuple(part for visual, _ in stands for part in visual),
-        tuple(piece for _, solid in stands for piece in solid),
-        aliases,
+        tuple(part for visual, _ in parts for part in visual),
+        tuple(piece for _, solid in parts for piece in solid),
+        left.aliases if twins else (),
     )

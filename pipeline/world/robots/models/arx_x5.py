@@ -7,6 +7,7 @@ from pipeline.world.robots.arx_family import Variant, arx_arm
 from pipeline.world.robots.arx_look import Livery
 from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.notation import facing_table
+from pipeline.world.robots.pairs import register
 from pipeline.world.robots.parts import BLACK, SILVER, WHITE
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Material
@@ -42,3 +43,6 @@ def arm(side: str) -> Arm:
 def stand(side: str) -> Stand:
     """The stand under the arm."""
     return pedestal(PLACE[side], 0.06)
+
+
+register("arx-x5", arm, stand, aliases=("arx", "x5"))

@@ -8,8 +8,9 @@ from functools import cache
 from pipeline.poses import Pose, compose, pose
 from pipeline.world.robots.arx_family import Variant, arx_arm
 from pipeline.world.robots.arx_look import Livery
-from pipeline.world.robots.contract import SIDES, Arm, Embodiment
+from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.notation import FACING_TABLE, HEAD_CAMERA, at, box
+from pipeline.world.robots.pairs import register
 from pipeline.world.robots.parts import BLACK, CHARCOAL, GREY, RUBBER, SILVER, Visual, block, depth_camera, housing, painted
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Collider
@@ -78,7 +79,4 @@ def stand(side: str) -> Stand:
     return pedestal((x, y, z), 0.06)
 
 
-def embodiment(aliases: tuple[str, ...] = ()) -> Embodiment:
-    """Both front arms on the base."""
-    visual, solid = base_body()
-    return Embodiment("aloha-agilex", {side: arm(side) for side in SIDES}, HEAD_CAMERA, visual, solid, aliases)
+register("aloha-agilex", arm, stand, aliases=("aloha", "cobot-magic"), body=base_body)

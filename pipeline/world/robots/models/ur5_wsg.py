@@ -21,6 +21,7 @@ from pipeline.world.robots.notation import (
     tool_frame,
     wrist_camera,
 )
+from pipeline.world.robots.pairs import register
 from pipeline.world.robots.parts import dressed
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.robots.ur5_look import ur5_visuals
@@ -166,3 +167,6 @@ def _pieces() -> dict[str, tuple[Collider, ...]]:
         "gripper_right": (carriage,),
         "finger_right": (finger,),
     }
+
+
+register("ur5-wsg", arm, stand, aliases=("ur5",))

@@ -23,6 +23,7 @@ from pipeline.world.robots.notation import (
     tool_frame,
     wrist_camera,
 )
+from pipeline.world.robots.pairs import register
 from pipeline.world.robots.parts import dressed
 from pipeline.world.robots.stands import Stand, pedestal
 from pipeline.world.shapes import Collider
@@ -166,3 +167,6 @@ def _finger(side: float) -> tuple[Collider, ...]:
         return box((-x, low, z0), (x, high, z1))
 
     return piece(0.0105, 0.008, 0.0265, 0.0, 0.036), piece(0.00875, 0.0, 0.0152, 0.034, PAD_END)
+
+
+register("franka-panda", arm, stand, aliases=("franka", "panda"))

@@ -19,6 +19,7 @@ from pipeline.world.robots.notation import (
     tool_frame,
     wrist_camera,
 )
+from pipeline.world.robots.pairs import register
 from pipeline.world.robots.parts import dressed
 from pipeline.world.robots.piper_look import piper_visuals
 from pipeline.world.robots.stands import Stand, pedestal
@@ -138,3 +139,6 @@ def _finger(side: float) -> tuple[Collider, ...]:
         return box((-half, low, -depth), (half, high, 0.0))
 
     return piece(0.02, 0.0655, 0.084, 0.0245), piece(0.011, 0.084, FINGER_END, 0.012)
+
+
+register("piper", arm, stand, aliases=("agilex-piper",))
