@@ -24,7 +24,12 @@ def embodiments(as_json: AsJson = False) -> None:
     from pipeline.world.robots.listing import listing
 
     values = listing()
-    say(values, as_json, "\n".join(f"{e['name']:14} {e['dof']} dof, cameras {', '.join(e['cameras'])}" for e in values))
+    lines = (
+        f"{e['name']:14} {e['dof']} dof, reach {e['reach']['left']:.2f} m, opening {e['max_opening']['left']:.3f} m, "
+        f"cameras {', '.join(e['cameras'])}"
+        for e in values
+    )
+    say(values, as_json, "\n".join(lines))
 
 
 def check_task(

@@ -2,15 +2,21 @@
 
 from typing import Any
 
+import numpy as np
+
+from pipeline.poses import transform
 from pipeline.world.cameras import cameras_of
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
-from pipeline.world.robots.contract import SIDES
+from pipeline.world.robots import MODELS, get_embodiment
+from pipeline.world.robots.contract import SIDES, Arm
+from pipeline.world.robots.forward import arm_limits, arm_poses, link_poses
+
+REACH_SAMPLES, REACH_STEPS, REACH_ROUNDS = 2000, 33, 6
 
 
 def listing() -> list[dict[str, Any]]:
-    """All robots by name: degrees of freedom, vector names, limits (rad), gripper opening (m), cameras, aliases."""
+    """All robots by name: degrees of freedom, vector names, limits (rad), reach and gripper opening (m), cameras, aliases."""
     out = []
-    for name in EMBODIMENTS:
+    for name in MODELS:
         e = get_embodiment(name)
         joints = [(side, j) for side in SIDES for j in e.arms[side].joints if j.name in e.arms[side].arm_joints]
         out.append(
@@ -20,8 +26,38 @@ def listing() -> list[dict[str, Any]]:
                 "dof": len(e.vector_names),
                 "joints": list(e.vector_names),
                 "limits": {f"{side}_{j.name}": [j.lower, j.upper] for side, j in joints},
+                "reach": {side: round(reach(e.arms[side]), 3) for side in SIDES},
                 "max_opening": {side: e.arms[side].gripper.max_opening for side in SIDES},
                 "cameras": [c.name for c in cameras_of(e)],
             }
         )
     return out
+
+
+def reach(arm: Arm) -> float:
+    """Farthest distance (m) of the tcp from the arm's shoulder, the origin of its first joint, within the joint limits.
+
+    The best of a fixed sample of configurations, improved joint by joint. Neither table nor self-collision is looked at, and the
+    tcp lies between the fingers: a data sheet that measures to the flange or from the foot says another number.
+    """
+    shoulder = _shoulder(arm)
+
+    def distance(q: np.ndarray) -> np.ndarray:
+        poses = link_poses(arm, dict(zip(arm.arm_joints, q.T, strict=True)))
+        return np.linalg.norm(transform(poses[arm.hand], arm.tcp[:3]) - shoulder, axis=-1)
+
+    lower, upper = arm_limits(arm).T
+    sample = np.random.default_rng(0).uniform(lower, upper, (REACH_SAMPLES, len(lower)))
+    best = sample[np.argmax(distance(sample))]
+    for _ in range(REACH_ROUNDS):
+        for i in range(len(best)):
+            rows = np.repeat(best[None], 1 + REACH_STEPS, 0)
+            rows[1:, i] = np.linspace(lower[i], upper[i], REACH_STEPS)
+            best = rows[np.argmax(distance(rows))]
+    return float(distance(best[None])[0])
+
+
+def _shoulder(arm: Arm) -> np.ndarray:
+    """World position (3,) of the first joint's origin, which no joint moves."""
+    first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
+    return arm_poses(arm, arm.home)[first.child][:3]
