@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with the jaws exchanged
 _FROM_ABOVE = 0.06  # m straight down onto a goal that the arm should be able to go
+_PASSING_BY = 0.005  # m between the hand and other bodies on its way in that leave room for a lagging arm
 _SPARE_OPENING = 0.008  # m the jaws must open wider than the object
 
 
@@ -78,11 +79,14 @@ def plan_grasp(
     cost = np.where(ok, cost + 1.0 * np.abs(approach - pitch), np.inf)
     closing = planner.checker(actor, side, jaws=1.0, margin=0.0)
     free = planner.checker(actor, side, jaws=1.0)
+    near = [(side, other) for other in ("table", name) if other == "table" or other in actor.obstacles()]
+    apart = planner.checker(actor, side, near, jaws=1.0, margin=_PASSING_BY)
     blocked = "grasp_unreachable"
     spare = list[tuple[int, NDArray[np.float64]]]()
 
     def ways() -> Iterator[tuple[int, NDArray[np.float64]]]:
-        """Candidates that can be taken, cheapest first; those from which no goal is sure to be reached are kept as `spare`."""
+        """Candidates that can be taken, cheapest first; those that pass too near to others, or from which no goal is sure to be
+        reached, are kept as `spare`."""
         nonlocal blocked
         for i in np.argsort(cost, kind="stable")[: int(ok.sum())]:
             line = planner.line(side, q[i], tcp[i])
@@ -92,7 +96,7 @@ def plan_grasp(
             if not (closing(line) and free(q[i])):
                 continue
             hold, jaws = Carried(side, name, inverse(local[i])), min(1.0, grasps[i // 2].width / opening)
-            if all(_leads_to(actor, hold, line[-1], jaws, np.asarray(wanted)) for wanted in goals):
+            if apart(line) and all(_leads_to(actor, hold, line[-1], jaws, np.asarray(wanted)) for wanted in goals):
                 yield i, line
             else:
                 spare.append((i, line))

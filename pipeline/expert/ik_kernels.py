@@ -15,6 +15,8 @@ from numba import njit
 # One radian of tool rotation weighs as much as this many metres, roughly the length of a forearm.
 ROTATION_WEIGHT = 0.25
 DAMPING = 1e-6
+FAR = 0.1  # m, with rotation weighted: targets that FEW starts leave this far away are given up; 99 % of them are out of reach
+FEW = 4
 STEP_LIMIT = 0.7  # rad or m per iteration; longer steps leave the region where the Jacobian means anything
 
 
@@ -183,7 +185,7 @@ def descend(pre, prismatic, tool, lower, upper, goal_r, goal_p, q, iterations, t
         if distance < tol_p and angle < tol_r:
             return True
         squared = distance * distance + (ROTATION_WEIGHT * angle) ** 2
-        if iteration % 6 == 5:
+        if iteration % 4 == 3:
             if squared > 0.5 * checkpoint:
                 return False
             checkpoint = squared
@@ -250,7 +252,8 @@ def rotation_of(quat, out):
 def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restarts, iterations, tol_p, tol_r):
     """Solutions (N,n) and success (N,) for targets (N,7); every target tries the seeds (M,n), then restart points.
 
-    `reach` is (x, y, z, radius): targets outside this ball are given up at once. `restarts` (R,n) are joint vectors.
+    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that stay FAR after a FEW starts early.
+    `restarts` (R,n) are joint vectors.
     """
     count, n = targets.shape[0], seeds.shape[1]
     out, ok = np.zeros((count, n)), np.zeros(count, np.bool_)
@@ -261,7 +264,10 @@ def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restar
         if dx * dx + dy * dy + dz * dz > reach[3] * reach[3]:
             continue
         rotation_of(targets[k, 3:], goal_r)
+        nearest = np.inf
         for trial in range(seeds.shape[0] + restarts.shape[0]):
+            if trial == FEW and nearest > FAR * FAR:
+                break
             for i in range(n):
                 start = seeds[trial, i] if trial < seeds.shape[0] else restarts[trial - seeds.shape[0], i]
                 q[i] = min(max(start, lower[i]), upper[i])
@@ -269,6 +275,7 @@ def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restar
                 out[k] = q
                 ok[k] = True
                 break
+            nearest = min(nearest, np.sum(work[5] ** 2))
     return out, ok
 
 

@@ -17,6 +17,9 @@ ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6))
 """Yaw angles to try for a body that may be set down in any direction."""
 
 
+Way = tuple[NDArray[np.float64], float]
+
+
 def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> NDArray[np.float64]:
     """Poses (N,7) of a body whose frame `local` coincides with `goal` up to a turn about the goal's z axis by each of `yaws`."""
     turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
@@ -26,6 +29,27 @@ def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> NDArray[np.
 def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
     """Pose at a position (3,) with z up."""
     return yawed(position, yaw)
+
+
+def _ways_down(a: Actor, side: str, down: NDArray[np.float64], back: NDArray[np.float64], above: float, press: float) -> list[Way]:
+    """Straight ways of the hand to the poses `down` (N,7), cheapest first: joints (K,n) and the height (m) at which each begins.
+
+    They are looked for from above and, where there is none, from the goal upwards: the arm may hover over it in a posture in which
+    it cannot come down.
+    """
+    found = list[Way]()
+    low, deep = a.planner.solve(a, side, down - press * back)
+    for height in (above, 0.5 * above, 0.25 * above):
+        over = down + height * back
+        q, ok = a.planner.solve(a, side, over)
+        for i in range(len(down)):
+            line = a.planner.line(side, q[i], down[i] - press * back) if ok[i] else None
+            if line is None and deep[i]:
+                upwards = a.planner.line(side, low[i], over[i])
+                line = None if upwards is None else upwards[::-1]
+            if line is not None:
+                found.append((line, height))
+    return sorted(found, key=lambda way: float(np.linalg.norm(way[0][0] - a.q(side))) + 6.0 * (1 - way[1] / above))
 
 
 def place(
@@ -52,34 +76,19 @@ def place(
         back = np.concatenate([np.asarray(out, float), np.zeros(4)])
         local = a.frames(name)[point] if name else pose()
         bodies = np.concatenate([resting_poses(local, goal, yaws) for goal in np.atleast_2d(onto)])
-        heights = np.repeat([above, 0.5 * above, 0.25 * above], len(bodies))
-        down = np.tile(hand_poses(a, side, bodies), (3, 1))
-        q, ok = a.planner.solve(a, side, down + heights[:, None] * back)
-
-        def from_below() -> list[tuple[int, NDArray[np.float64]]]:
-            """Ways found from the goal upwards: the arm may hover over it in a posture in which it cannot come down."""
-            q, ok = a.planner.solve(a, side, down[: len(bodies)] - press * back)
-            tops = [(i, q[i % len(bodies)]) for i in range(len(down)) if ok[i % len(bodies)]]
-            lines = [(i, a.planner.line(side, bottom, down[i] + heights[i] * back)) for i, bottom in tops]
-            return [(i, line[::-1]) for i, line in lines if line is not None]
-
+        ways = _ways_down(a, side, hand_poses(a, side, bodies), back, above, press)
         free = a.planner.checker(a, side)
-        cost = np.linalg.norm(q - a.q(side), axis=1) + 6.0 * (1 - heights / above)
-        order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
-        jaws = 1.0 if opening is None else wider(a, side, opening)
-        roomy = a.planner.checker(
-            a, side, [(name, other) for other in (*a.obstacles(), *a.held.values(), "table") if other != name], jaws, 0.0
-        )
-        lines = [(i, a.planner.line(side, q[i], down[i] - press * back)) for i in order[:24]]
-        ways = [(i, line) for i, line in lines if line is not None] or from_below()
+        touching = [(name, other) for other in (*a.obstacles(), *a.held.values(), "table") if other != name]
+        clear = a.planner.checker(a, side, touching, margin=0.0)
+        roomy = a.planner.checker(a, side, touching, 1.0 if opening is None else wider(a, side, opening), 0.0)
 
-        def closed_in(line: NDArray[np.float64]) -> int:
-            """Whether opened jaws would touch something on the way, and whether the hand could not draw back at its end."""
+        def closed_in(way: Way) -> int:
+            """How bad a way is: the arm touches something, opened jaws would, the hand could not draw back at its end."""
+            line, _ = way
             away = backed_off(a.planner.fk(side, line[-1]), 0.08)
-            return (not roomy(line)) + (a.planner.line(side, line[-1], away) is None)
+            return 4 * (not clear(line)) + (not roomy(line)) + (a.planner.line(side, line[-1], away) is None)
 
-        ways.sort(key=lambda way: closed_in(way[1]))
-        for i, line in ways[:12]:
+        for line, height in sorted(ways[:36], key=closed_in)[:12]:
             if not free(line[0]):
                 continue
             try:
@@ -87,7 +96,7 @@ def place(
             except PlanFailure:
                 continue
             yield {side: leg}
-            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(heights[i] + press) / speed)}
+            yield {side: a.planner.timed(side, line, a.gripper(side), minimum=(height + press) / speed)}
             return
         raise PlanFailure("place_blocked" if ways else "place_unreachable", f"the {side} arm cannot set {name} down there")
 
