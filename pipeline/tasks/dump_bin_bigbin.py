@@ -17,6 +17,12 @@ MIDDLE = (-0.04, -0.12, TABLE_TOP)
 BALLS = ((0.0, 0.0), (0.021, 0.0), (-0.021, 0.0), (0.0, 0.021), (0.0, -0.021))
 """Where the balls lie in the bin, x and y in its frame (m)."""
 
+TILTS = (2.5, 2.2)
+"""How far the bin is turned down (rad)."""
+
+FLIGHT = 0.15
+"""How far from the opening the balls land, about (m)."""
+
 
 @register
 class DumpBinBigbin(Task):
@@ -68,7 +74,7 @@ class DumpBinBigbin(Task):
         return [
             np.array([x + edge - inside, y + dy, TABLE_TOP + z])
             for inside in (0.15,)
-            for dy in (0.0, -0.05, 0.05)
+            for dy in (0.0, -0.08, 0.08)
             for z in (0.16, 0.22)
         ]
 
@@ -77,19 +83,19 @@ class DumpBinBigbin(Task):
         return np.stack([upright_goal(spot, yaw) for spot in self._spots(a) for yaw in ROUND])
 
     def _tipped(self, a: Actor) -> np.ndarray:
-        """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down about axes all around."""
-        turns = 2 * np.pi * np.arange(12) / 12
-        top = a.frames("bin")["top"]
-        return np.stack(
-            [
-                compose(
-                    pose(spot, quat_multiply(quat_about((np.cos(t), np.sin(t), 0), 2.2), quat_about((0, 0, 1), yaw))), inverse(top)
-                )
-                for spot in self._spots(a)
-                for t in turns
-                for yaw in turns[::2]
-            ]
-        )
+        """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down to where the balls fall in."""
+        out = inverse(a.frames("bin")["top"])
+        reach = a.bodies["big_bin"].instance.shape().aabb()[1, :2] - 0.05
+        poses = list[np.ndarray]()
+        for spot in self._spots(a):
+            for heading in ROUND:
+                along = np.array([np.cos(heading), np.sin(heading)])
+                if (np.abs(spot[:2] + FLIGHT * along - a.pose("big_bin")[:2]) > reach).any():
+                    continue
+                for tilt in TILTS:
+                    down = quat_about((-along[1], along[0], 0), tilt)
+                    poses += [compose(pose(spot, quat_multiply(down, quat_about((0, 0, 1), yaw))), out) for yaw in ROUND[::2]]
+        return np.stack(poses)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         low, high = o.bodies["big_bin"].instance.shape().aabb()

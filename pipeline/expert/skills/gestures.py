@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.expert.actor import Actor, Beat, Skill
 from pipeline.expert.failure import PlanFailure
 from pipeline.expert.grasping import hand_poses, lifted
-from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply
+from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_multiply, quat_rotate
 
 
 def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16, speed: float = 1.0) -> Skill:
@@ -19,12 +19,20 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16
 
     def act(a: Actor) -> Iterator[Beat]:
         hold, free = inverse(a.in_hand(side)), a.planner.checker(a, side)
+        fingers = hold[:2] / np.linalg.norm(hold[:2])
 
-        def reached(bodies: ArrayLike) -> NDArray[np.float64]:
-            q, ok = a.planner.solve(a, side, compose(np.atleast_2d(np.asarray(bodies, float)), hold[None]))
+        def over_fingers(body: Pose) -> float:
+            """Cosine of the angle, about the body's axis, between its lowest side and the fingers."""
+            low = quat_rotate(body[3:] * [1, -1, -1, -1], [0, 0, -1.0])[:2]
+            return float(low @ fingers / np.linalg.norm(low))
+
+        def reached(bodies: NDArray[np.float64]) -> NDArray[np.float64]:
+            q, ok = a.planner.solve(a, side, compose(bodies, hold[None]))
             return np.stack([row for row in q[ok] if free(row)] or [np.empty((0,))])
 
-        over, down = reached(upright), reached(tipped)
+        ends = np.atleast_2d(np.asarray(tipped, float))
+        ends = ends[[over_fingers(body) < 0.3 for body in ends]]
+        over, down = reached(np.atleast_2d(np.asarray(upright, float))), reached(ends)
         if not over.size or not down.size:
             raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped")
         distance = np.linalg.norm(over[:, None] - down[None], axis=-1)
