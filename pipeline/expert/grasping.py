@@ -96,7 +96,11 @@ def plan_grasp(
             if not (closing(line) and free(q[i])):
                 continue
             hold, jaws = Carried(side, name, inverse(local[i])), min(1.0, grasps[i // 2].width / opening)
-            if apart(line) and all(_leads_to(actor, hold, line[-1], jaws, np.asarray(wanted)) for wanted in goals):
+            if (
+                len(spare) < tries
+                and apart(line)
+                and all(_leads_to(actor, hold, line[-1], jaws, np.asarray(wanted)) for wanted in goals)
+            ):
                 yield i, line
             else:
                 spare.append((i, line))
@@ -135,9 +139,12 @@ def _leads_to(actor: "Actor", hold: Carried, q: NDArray[np.float64], jaws: float
     free = planner.checker(
         actor, side, [(n, other) for other in (*actor.obstacles(), "table") if other != n], jaws, margin=0.0, holding=hold
     )
-    hands = compose(bodies, inverse(hold.pose)[None])
-    at, ok = planner.solve_from(side, hands, np.stack([q, planner.home(side)]))
-    return any(free(at[k]) and planner.line(side, at[k], lifted(hands[k], _FROM_ABOVE)) is not None for k in np.flatnonzero(ok))
+    hands, seeds = compose(bodies, inverse(hold.pose)[None]), np.stack([q, planner.home(side)])
+    for some in np.split(hands, range(12, len(hands), 12)):
+        at, ok = planner.solve_from(side, some, seeds)
+        if any(free(at[k]) and planner.line(side, at[k], lifted(some[k], _FROM_ABOVE)) is not None for k in np.flatnonzero(ok)):
+            return True
+    return False
 
 
 def hand_poses(actor: "Actor", side: str, bodies: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -38,11 +38,12 @@ class PlaceBreadBasket(Task):
         goals = resting_poses(a.frames("bread")["base"], inside, ROUND)
         yield grasp(arm, "bread", goals=[list(goals)])
         yield lift(arm, 0.12)
-        yield place(arm, "base", inside, yaws=ROUND, above=0.08)
+        yield place(arm, "base", inside, yaws=ROUND, above=0.08, opening=0.02)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
+        yield open_(a.arms["arm"], by=0.02)
         yield lift(a.arms["arm"], 0.10)
+        yield open_(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         d = abs(o.offset(o.frame("bread", "base"), o.frame("basket", "inside")))

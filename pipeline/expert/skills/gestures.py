@@ -110,22 +110,19 @@ def rock(
         axes = np.atleast_2d(np.asarray(about, float))
         q, ok = a.planner.solve(a, side, hands)
         free = a.planner.checker(a, side)
+        tries = 12
         for angle in angles:
-            ends = [
-                np.array(
-                    [
-                        np.concatenate([h[:3], quat_multiply(quat_about(n, sign * angle), h[3:])])
-                        for h, n in zip(hands, axes, strict=True)
-                    ]
-                )
-                for sign in (1, -1)
-            ]
-            room = ok & a.planner.solve(a, side, ends[0])[1] & a.planner.solve(a, side, ends[1])[1]
-            for i in np.flatnonzero(room)[:12]:
-                out = a.planner.line(side, q[i], ends[0][i])
-                across = None if out is None else a.planner.line(side, out[-1], ends[1][i])
+            for i in np.flatnonzero(ok):
+                ends = [
+                    np.concatenate([hands[i, :3], quat_multiply(quat_about(axes[i], s * angle), hands[i, 3:])]) for s in (1, -1)
+                ]
+                out = a.planner.line(side, q[i], ends[0])
+                across = None if out is None else a.planner.line(side, out[-1], ends[1])
                 if out is None or across is None or not (free(q[i]) and free(out) and free(across)):
                     continue
+                tries -= 1
+                if tries < 0:
+                    break
                 try:
                     leg = a.planner.free_leg(a, side, q[i], free)
                 except PlanFailure:
@@ -133,7 +130,7 @@ def rock(
                 yield {side: leg}
                 yield {side: a.planner.timed(side, out, a.gripper(side), speed=speed)}
                 for k in range(times):
-                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2][i], 10.0, pace=speed)}
+                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2], 10.0, pace=speed)}
                 yield {side: a.planner.line_leg(a, side, hands[i], 10.0, pace=speed)}
                 return
         raise PlanFailure("rock_unreachable", f"the {side} arm finds no room to rock what it holds")
