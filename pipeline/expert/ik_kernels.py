@@ -15,8 +15,7 @@ from numba import njit
 # One radian of tool rotation weighs as much as this many metres, roughly the length of a forearm.
 ROTATION_WEIGHT = 0.25
 DAMPING = 1e-6
-FAR = 0.1  # m, with rotation weighted: targets that FEW starts leave this far away are given up; 99 % of them are out of reach
-FEW = 4
+FAR = 0.1  # m, with rotation weighted: of the targets that four starts leave this far away, 99 % are out of reach on a table
 STEP_LIMIT = 0.7  # rad or m per iteration; longer steps leave the region where the Jacobian means anything
 
 
@@ -249,10 +248,10 @@ def rotation_of(quat, out):
 
 
 @njit(cache=True, error_model="numpy")
-def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restarts, iterations, tol_p, tol_r):
+def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restarts, iterations, tol_p, tol_r, few):
     """Solutions (N,n) and success (N,) for targets (N,7); every target tries the seeds (M,n), then restart points.
 
-    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that stay FAR after a FEW starts early.
+    `reach` is (x, y, z, radius): targets outside this ball are given up at once, those that `few` starts leave FAR away early.
     `restarts` (R,n) are joint vectors.
     """
     count, n = targets.shape[0], seeds.shape[1]
@@ -266,7 +265,7 @@ def solve_many(pre, prismatic, tool, lower, upper, reach, targets, seeds, restar
         rotation_of(targets[k, 3:], goal_r)
         nearest = np.inf
         for trial in range(seeds.shape[0] + restarts.shape[0]):
-            if trial == FEW and nearest > FAR * FAR:
+            if trial == few and nearest > FAR * FAR:
                 break
             for i in range(n):
                 start = seeds[trial, i] if trial < seeds.shape[0] else restarts[trial - seeds.shape[0], i]

@@ -82,7 +82,7 @@ class Planner:
         self, side: str, targets: NDArray[np.float64], seeds: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """IK of many tcp poses (N,7) from joint seeds (M,n): joints (N,n) and which ones were reached (N,)."""
-        return ik_many(self.chains[side], targets, seeds)
+        return ik_many(self.chains[side], targets, seeds, few=4)
 
     def checker(
         self,

@@ -217,3 +217,12 @@ def test_wrong_hand_is_refused() -> None:
     arm = six_arm()
     with pytest.raises(ValueError, match="six"):
         chain_of(arm.__class__(**{**vars(arm), "hand": "link4"}))
+
+
+def test_giving_up_early_loses_little_and_finds_nothing_else(chain: Chain) -> None:
+    targets = fk_batch(chain, random_joints(chain, 300, seed=3))
+    q, ok = ik_many(chain, targets, chain.home[None], restarts=60)
+    early, found = ik_many(chain, targets, chain.home[None], restarts=60, few=4)
+    assert not (found & ~ok).any()
+    np.testing.assert_array_equal(early[found], q[found])
+    assert 0.9 * ok.sum() <= found.sum() < ok.sum()
