@@ -1,6 +1,6 @@
 """Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --seeds 5`.
 
-Prints per cent accepted, tasks down, robots and levels across, and the reasons of failure. `--alpha` takes a list and then prints
+Prints per cent accepted, tasks down, robots across, means per level, and the reasons of failure. `--alpha` takes a list and then prints
 yield and speeds per alpha, drawn with `--plot FILE.png`.
 """
 
@@ -31,7 +31,7 @@ ORIGINAL_STATIC = {"aloha-agilex": 78.2, "arx-x5": 77.9, "franka-panda": 69.0, "
 
 @dataclass(frozen=True)
 class Try:
-    """Outcome of one attempt: empty reason when accepted; seconds of CPU; speeds of the target in m/s."""
+    """Outcome of one attempt: empty reason when accepted; seconds of processor time; speeds of the target in m/s."""
 
     spec: EpisodeSpec
     reason: str
@@ -46,8 +46,8 @@ def one(spec: EpisodeSpec) -> Try:
     try:
         rollout = attempt(spec, Recipe(), phases)
     except Failure as failure:
-        return Try(spec, f"{failure.stage}: {failure.reason}", sum(phases.seconds.values()))
-    return Try(spec, "", sum(phases.seconds.values()), rollout.motion.average_speed(), rollout.motion.maximum_speed())
+        return Try(spec, f"{failure.stage}: {failure.reason}", sum(phases.cpu.values()))
+    return Try(spec, "", sum(phases.cpu.values()), rollout.motion.average_speed(), rollout.motion.maximum_speed())
 
 
 def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
@@ -62,21 +62,25 @@ def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
 
 
 def rates(tries: Sequence[Try], robots: Sequence[str], levels: Sequence[int]) -> str:
-    """Markdown: tasks down, robots (and levels where there are several) across, per cent of attempts accepted; means."""
-    columns = list(itertools.product(robots, levels))
-    by: dict[tuple[str, str, int], list[bool]] = defaultdict(list)
-    for t in tries:
-        by[t.spec.task, t.spec.embodiment, t.spec.level].append(not t.reason)
+    """Markdown: tasks down, robots across, per cent of attempts accepted over all levels; means over tasks, per level too."""
     tasks = sorted({t.spec.task for t in tries})
-    heads = [robot + (f" L{level}" if len(levels) > 1 else "") for robot, level in columns]
-    rows = [" | ".join(["| task", *heads, "s per accepted |"]), "|---|" + "---:|" * (len(columns) + 1)]
+    rows = [" | ".join(["| task", *robots, "s per accepted |"]), "|---|" + "---:|" * (len(robots) + 1)]
     for task in tasks:
-        cells = [f"{100 * np.mean(by[task, *column]):.0f}" for column in columns]
-        rows.append(" | ".join([f"| {task}", *cells, f"{cost([t for t in tries if t.spec.task == task]):.1f} |"]))
-    means = [100 * np.mean([np.mean(by[task, *column]) for task in tasks]) for column in columns]
-    rows.append(" | ".join(["| **mean**", *(f"**{m:.0f}**" for m in means), f"{cost(tries):.2f} |"]))
-    rows.append(" | ".join(["| original, static", *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot, _ in columns), " |"]))
+        shares = [share(tries, (task,), robot, levels) for robot in robots]
+        rows.append(" | ".join([f"| {task}", *shares, f"{cost([t for t in tries if t.spec.task == task]):.1f} |"]))
+    for level in levels if len(levels) > 1 else ():
+        means = [share(tries, tasks, robot, (level,)) for robot in robots]
+        rows.append(" | ".join([f"| mean, level {level}", *means, f"{cost([t for t in tries if t.spec.level == level]):.2f} |"]))
+    means = [f"**{share(tries, tasks, robot, levels)}**" for robot in robots]
+    rows.append(" | ".join(["| **mean**", *means, f"{cost(tries):.2f} |"]))
+    rows.append(" | ".join(["| original, static", *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot in robots), " |"]))
     return "\n".join(rows)
+
+
+def share(tries: Sequence[Try], tasks: Sequence[str], robot: str, levels: Sequence[int]) -> str:
+    """Per cent of attempts accepted, as text."""
+    group = [not t.reason for t in tries if t.spec.task in tasks and t.spec.embodiment == robot and t.spec.level in levels]
+    return f"{100 * np.mean(group):.0f}"
 
 
 def reasons(tries: Sequence[Try]) -> str:
@@ -146,7 +150,7 @@ def main() -> None:
     ]
     tries = run(specs, args.workers)
     what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}"
-    head = f"{what}, {cost(tries):.2f} s of physics and planning per accepted episode."
+    head = f"{what}, {cost(tries):.2f} s of processor time (physics and planning, failures included) per accepted episode."
     parts = [head, hardware(), rates(tries, robots, levels), *([alphas(tries)] if len(speeds) > 1 else []), reasons(tries)]
     print("\n\n".join(parts))
     if args.out:
