@@ -1,7 +1,7 @@
 """Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --seeds 5`.
 
-Prints per cent accepted, tasks down, robots across, means per level, and the reasons of failure. `--alpha` takes a list and then prints
-yield and speeds per alpha, drawn with `--plot FILE.png`.
+Prints per cent accepted, tasks down, robots across, means per level, and the reasons of failure. `--alpha` takes a list and then
+prints yield and speeds per alpha, drawn with `--plot FILE.png`.
 """
 
 import argparse
