@@ -94,7 +94,7 @@ class DumpBinBigbin(Task):
                     continue
                 for tilt in TILTS:
                     down = quat_about((-along[1], along[0], 0), tilt)
-                    poses += [compose(pose(spot, quat_multiply(down, quat_about((0, 0, 1), yaw))), out) for yaw in ROUND[::2]]
+                    poses += [compose(pose(spot, quat_multiply(down, quat_about((0, 0, 1), float(yaw)))), out) for yaw in ROUND[::2]]
         return np.stack(poses)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:

@@ -1,6 +1,7 @@
 """What is done with a held body: pour, turn, shake, rock."""
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,35 +9,38 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.expert.actor import Actor, Beat, Skill
 from pipeline.expert.failure import PlanFailure
 from pipeline.expert.grasping import hand_poses, lifted
-from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_multiply, quat_rotate
+from pipeline.expert.reach import hand_boxes
+from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
+
+SPILL_ROOM = 0.03
+"""How far (m) the hand should keep from what is poured."""
 
 
 def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16, speed: float = 1.0) -> Skill:
     """Bring the held body to one of the poses `upright` (N,7), then tip it, all joints at an even pace, to one of `tipped` (M,7).
 
-    While it tips, its origin stays within `sway` m of where it begins or ends, and nothing is touched.
+    While it tips, its origin stays within `sway` m of where it begins or ends, and nothing is touched. Ways are preferred on which
+    what runs out over its lowest edge passes the hand.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
         hold, free = inverse(a.in_hand(side)), a.planner.checker(a, side)
-        fingers = hold[:2] / np.linalg.norm(hold[:2])
 
-        def over_fingers(body: Pose) -> float:
-            """Cosine of the angle, about the body's axis, between its lowest side and the fingers."""
-            low = quat_rotate(body[3:] * [1, -1, -1, -1], [0, 0, -1.0])[:2]
-            return float(low @ fingers / np.linalg.norm(low))
-
-        def reached(bodies: NDArray[np.float64]) -> NDArray[np.float64]:
+        def reached(bodies: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            """Body poses that can be had, with their joints."""
+            bodies = np.atleast_2d(np.asarray(bodies, float))
             q, ok = a.planner.solve(a, side, compose(bodies, hold[None]))
-            return np.stack([row for row in q[ok] if free(row)] or [np.empty((0,))])
+            kept = [i for i in np.flatnonzero(ok) if free(q[i])]
+            return bodies[kept], q[kept]
 
-        ends = np.atleast_2d(np.asarray(tipped, float))
-        ends = ends[[over_fingers(body) < 0.3 for body in ends]]
-        over, down = reached(np.atleast_2d(np.asarray(upright, float))), reached(ends)
-        if not over.size or not down.size:
+        (_, over), (ends, down) = reached(upright), reached(tipped)
+        if not len(over) or not len(down):
             raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped")
-        distance = np.linalg.norm(over[:, None] - down[None], axis=-1)
-        for k in np.argsort(distance, axis=None, kind="stable")[:80]:
+        bad = np.array(
+            [200.0 * max(0.0, SPILL_ROOM - _spill_room(a, side, hold, body)) + 100.0 * _lever(a, side, hold, body) for body in ends]
+        )
+        cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + bad
+        for k in np.argsort(cost, axis=None, kind="stable")[:80]:
             start, end = over[k // len(down)], down[k % len(down)]
             path = start + np.linspace(0, 1, 16)[:, None] * (end - start)
             at = np.stack([compose(a.planner.fk(side, row), inverse(hold))[:3] for row in path])
@@ -53,6 +57,25 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16
         raise PlanFailure("pour_blocked", f"the {side} arm finds no way to tip what it holds")
 
     return act
+
+
+def _lever(a: Actor, side: str, hold: Pose, body: Pose) -> float:
+    """How far (m) off the axis of the jaws the weight of the held body at pose `body` pulls, which turns it in the grip."""
+    middle = quat_rotate(body[3:], a.bodies[a.held[side]].instance.shape().aabb().mean(0) - hold[:3])
+    jaws = quat_rotate(compose(body, hold)[3:], [0, 1.0, 0])
+    return abs(float(middle[0] * jaws[1] - middle[1] * jaws[0]))
+
+
+def _spill_room(a: Actor, side: str, hold: Pose, body: Pose) -> float:
+    """How far (m) from the hand, at `hold` in the held body's frame, what runs out of the body at pose `body` passes."""
+    _, high = a.bodies[a.held[side]].instance.shape().aabb()
+    down = quat_rotate(body[3:] * [1, -1, -1, -1], [0, 0, -1.0])
+    low = np.array([*(down[:2] / np.linalg.norm(down[:2])), 0.0])
+    s = np.linspace(-0.02, 0.08, 6)[:, None]
+    stream = (high[0] - 0.012) * low + (high[2] + s) * [0, 0, 1] + 9.0 * np.maximum(s, 0) ** 2 * down
+    points = transform(inverse(hold), stream)[:, None]
+    boxes = hand_boxes(a.planner.embodiment.arms[side])
+    return float(np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - points, points - boxes[:, 1]), 0), axis=-1).min())
 
 
 def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: float = 2.0) -> Skill:
@@ -73,27 +96,48 @@ def shake(side: str, times: int, *, axes: Sequence[ArrayLike] = ((1, 0, 0), (0, 
     """Swing the hand `times` times from side to side.
 
     The first of `axes` (in the tcp frame) with room on both sides is taken, with the widest swing of 0.9 to 0.55 rad that fits.
+    Where there is none, the hand first goes elsewhere, turned about the vertical only.
     """
 
     def act(a: Actor) -> Iterator[Beat]:
-        start = a.tcp(side)
-        for angle in (0.9, 0.75, 0.65, 0.55):
+        free, tries = a.planner.checker(a, side), 6
+        for (goal, q), angle in product(((a.tcp(side), a.q(side)), *_nearby(a, side)), (0.9, 0.75, 0.65, 0.55)):
             for axis in axes:
-                ends = [
-                    compose(lifted(start, up), pose((0, 0, 0), quat_about(axis, sign * angle))) for sign, up in ((1, rise), (-1, 0))
-                ]
-                out = a.planner.line(side, a.q(side), ends[0])
+                swung = (pose((0, 0, 0), quat_about(axis, sign * angle)) for sign in (1, -1))
+                ends = [compose(lifted(goal, up), turned) for up, turned in zip((rise, 0.0), swung, strict=True)]
+                out = a.planner.line(side, q, ends[0])
                 across = None if out is None else a.planner.line(side, out[-1], ends[1])
-                if out is None or across is None:
+                if out is None or across is None or not (free(out) and free(across)):
                     continue
+                try:
+                    leg = a.planner.free_leg(a, side, q, free)
+                except PlanFailure:
+                    tries -= 1
+                    if not tries:
+                        raise
+                    continue
+                yield {side: leg}
                 yield {side: a.planner.timed(side, out, a.gripper(side), speed=2.0)}
                 for k in range(times):
                     yield {side: a.planner.line_leg(a, side, ends[1 - k % 2], 10.0, pace=2.0)}
-                yield {side: a.planner.line_leg(a, side, start, 10.0, pace=2.0)}
+                yield {side: a.planner.line_leg(a, side, goal, 10.0, pace=2.0)}
                 return
         raise PlanFailure("shake_unreachable", f"the {side} arm cannot swing its hand either way")
 
     return act
+
+
+def _nearby(a: Actor, side: str) -> list[tuple[Pose, NDArray[np.float64]]]:
+    """Hand poses near the present one, as upright as it is, with the joints that reach them."""
+    start = a.tcp(side)
+    poses = np.array(
+        [
+            np.concatenate([start[:3] + np.array([dx, dy, dz]), quat_multiply(quat_about((0, 0, 1), yaw), start[3:])])
+            for dz, dx, dy, yaw in product((0.0, 0.06), (0.0, 0.09, -0.09), (0.0, 0.09, -0.09), (0.0, 0.6, -0.6))
+        ][1:]
+    )
+    q, ok = a.planner.solve(a, side, poses)
+    return [(poses[i], q[i]) for i in np.flatnonzero(ok)]
 
 
 def rock(
