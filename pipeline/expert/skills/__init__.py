@@ -3,11 +3,12 @@
 Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
 """
 
-from pipeline.expert.skills.gestures import pour, rock, shake, turn
+from pipeline.expert.skills.gestures import pour, turn
 from pipeline.expert.skills.hand import close, grasp, open_, pause
 from pipeline.expert.skills.moving import carry, home, lift, move, retreat, shift
 from pipeline.expert.skills.pairing import together
 from pipeline.expert.skills.setting import ROUND, place, press, resting_poses, upright_goal
+from pipeline.expert.skills.swinging import rock, shake
 
 __all__ = [
     "ROUND",

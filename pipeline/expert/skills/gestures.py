@@ -1,16 +1,14 @@
-"""What is done with a held body: pour, turn, shake, rock."""
+"""What is done with a held body: pour it, turn it."""
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.expert.actor import Actor, Beat, Skill
 from pipeline.expert.failure import PlanFailure
-from pipeline.expert.grasping import hand_poses, lifted
 from pipeline.expert.reach import hand_boxes
-from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
+from pipeline.poses import Pose, compose, inverse, quat_about, quat_multiply, quat_rotate, transform
 
 SPILL_ROOM = 0.03
 """How far (m) the hand should keep from what is poured."""
@@ -88,95 +86,5 @@ def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: 
         if path is None:
             raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far")
         yield {side: a.planner.timed(side, path, a.gripper(side), speed=speed)}
-
-    return act
-
-
-def shake(side: str, times: int, *, axes: Sequence[ArrayLike] = ((1, 0, 0), (0, 1, 0), (0, 0, 1)), rise: float = 0.03) -> Skill:
-    """Swing the hand `times` times from side to side.
-
-    The first of `axes` (in the tcp frame) with room on both sides is taken, with the widest swing of 0.9 to 0.55 rad that fits.
-    Where there is none, the hand first goes elsewhere, turned about the vertical only.
-    """
-
-    def act(a: Actor) -> Iterator[Beat]:
-        free, tries = a.planner.checker(a, side), 6
-        for (goal, q), angle in product(((a.tcp(side), a.q(side)), *_nearby(a, side)), (0.9, 0.75, 0.65, 0.55)):
-            for axis in axes:
-                swung = (pose((0, 0, 0), quat_about(axis, sign * angle)) for sign in (1, -1))
-                ends = [compose(lifted(goal, up), turned) for up, turned in zip((rise, 0.0), swung, strict=True)]
-                out = a.planner.line(side, q, ends[0])
-                across = None if out is None else a.planner.line(side, out[-1], ends[1])
-                if out is None or across is None or not (free(out) and free(across)):
-                    continue
-                try:
-                    leg = a.planner.free_leg(a, side, q, free)
-                except PlanFailure:
-                    tries -= 1
-                    if not tries:
-                        raise
-                    continue
-                yield {side: leg}
-                yield {side: a.planner.timed(side, out, a.gripper(side), speed=2.0)}
-                for k in range(times):
-                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2], 10.0, pace=2.0)}
-                yield {side: a.planner.line_leg(a, side, goal, 10.0, pace=2.0)}
-                return
-        raise PlanFailure("shake_unreachable", f"the {side} arm cannot swing its hand either way")
-
-    return act
-
-
-def _nearby(a: Actor, side: str) -> list[tuple[Pose, NDArray[np.float64]]]:
-    """Hand poses near the present one, as upright as it is, with the joints that reach them."""
-    start = a.tcp(side)
-    poses = np.array(
-        [
-            np.concatenate([start[:3] + np.array([dx, dy, dz]), quat_multiply(quat_about((0, 0, 1), yaw), start[3:])])
-            for dz, dx, dy, yaw in product((0.0, 0.06), (0.0, 0.09, -0.09), (0.0, 0.09, -0.09), (0.0, 0.6, -0.6))
-        ][1:]
-    )
-    q, ok = a.planner.solve(a, side, poses)
-    return [(poses[i], q[i]) for i in np.flatnonzero(ok)]
-
-
-def rock(
-    side: str, bodies: ArrayLike, about: ArrayLike, times: int, *, angles: Sequence[float] = (0.85, 0.7, 0.6), speed: float = 2.0
-) -> Skill:
-    """Carry the held body to one of the poses `bodies` (N,7), rock it `times` times to either side, and come back to that pose.
-
-    It turns with the hand about the world axes `about` (N,3), one per pose. The first pose is taken that leaves room for the
-    widest of `angles` (rad); narrower ones are tried where there is none.
-    """
-
-    def act(a: Actor) -> Iterator[Beat]:
-        hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
-        axes = np.atleast_2d(np.asarray(about, float))
-        q, ok = a.planner.solve(a, side, hands)
-        free = a.planner.checker(a, side)
-        tries = 12
-        for angle in angles:
-            for i in np.flatnonzero(ok):
-                ends = [
-                    np.concatenate([hands[i, :3], quat_multiply(quat_about(axes[i], s * angle), hands[i, 3:])]) for s in (1, -1)
-                ]
-                out = a.planner.line(side, q[i], ends[0])
-                across = None if out is None else a.planner.line(side, out[-1], ends[1])
-                if out is None or across is None or not (free(q[i]) and free(out) and free(across)):
-                    continue
-                tries -= 1
-                if tries < 0:
-                    break
-                try:
-                    leg = a.planner.free_leg(a, side, q[i], free)
-                except PlanFailure:
-                    continue
-                yield {side: leg}
-                yield {side: a.planner.timed(side, out, a.gripper(side), speed=speed)}
-                for k in range(times):
-                    yield {side: a.planner.line_leg(a, side, ends[1 - k % 2], 10.0, pace=speed)}
-                yield {side: a.planner.line_leg(a, side, hands[i], 10.0, pace=speed)}
-                return
-        raise PlanFailure("rock_unreachable", f"the {side} arm finds no room to rock what it holds")
 
     return act
