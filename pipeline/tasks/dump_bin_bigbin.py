@@ -17,7 +17,7 @@ MIDDLE = (-0.04, -0.12, TABLE_TOP)
 BALLS = ((0.0, 0.0), (0.021, 0.0), (-0.021, 0.0), (0.0, 0.021), (0.0, -0.021))
 """Where the balls lie in the bin, x and y in its frame (m)."""
 
-TILTS = (2.5, 2.2)
+TILTS = (2.5, 2.2, 2.0)
 """How far the bin is turned down (rad)."""
 
 FLIGHT = 0.15
@@ -51,7 +51,7 @@ class DumpBinBigbin(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "left":
-            yield grasp("left", "bin", goals=[list(self._over(a)[::5]), list(self._tipped(a)[::7])], pitch=0.9)
+            yield grasp("left", "bin", goals=self._ends(a), pitch=0.9)
         else:
             yield grasp("right", "bin", goals=[[upright_goal(MIDDLE, yaw) for yaw in ROUND]], pitch=0.9)
 
@@ -62,10 +62,10 @@ class DumpBinBigbin(Task):
             yield open_("right")
             yield retreat("right", 0.08)
             yield home("right")
-            yield grasp("left", "bin", goals=[list(self._over(a)[::5]), list(self._tipped(a)[::7])], pitch=0.9)
+            yield grasp("left", "bin", goals=self._ends(a), pitch=0.9)
         yield lift("left", 0.14)
         yield pour("left", self._over(a), self._tipped(a), speed=0.8)
-        yield pause("left", 1.2)
+        yield pause("left", 0.8)
 
     def _spots(self, a: Actor) -> list[np.ndarray]:
         """Points (3,) above the near part of the big bin."""
@@ -82,20 +82,24 @@ class DumpBinBigbin(Task):
         """Poses (N,7) of the bin upright over the big bin."""
         return np.stack([upright_goal(spot, yaw) for spot in self._spots(a) for yaw in ROUND])
 
-    def _tipped(self, a: Actor) -> np.ndarray:
+    def _tipped(self, a: Actor, spots: slice = slice(None), tilts: tuple[float, ...] = TILTS) -> np.ndarray:
         """Poses (M,7) of the bin over the big bin, the middle of its opening there, turned down to where the balls fall in."""
         out = inverse(a.frames("bin")["top"])
         reach = a.bodies["big_bin"].instance.shape().aabb()[1, :2] - 0.05
         poses = list[np.ndarray]()
-        for spot in self._spots(a):
+        for spot in self._spots(a)[spots]:
             for heading in ROUND:
                 along = np.array([np.cos(heading), np.sin(heading)])
                 if (np.abs(spot[:2] + FLIGHT * along - a.pose("big_bin")[:2]) > reach).any():
                     continue
-                for tilt in TILTS:
+                for tilt in tilts:
                     down = quat_about((-along[1], along[0], 0), tilt)
-                    poses += [compose(pose(spot, quat_multiply(down, quat_about((0, 0, 1), float(yaw)))), out) for yaw in ROUND[::2]]
+                    poses += [compose(pose(spot, quat_multiply(down, upright_goal(spot, yaw)[3:])), out) for yaw in ROUND]
         return np.stack(poses)
+
+    def _ends(self, a: Actor) -> list[list[np.ndarray]]:
+        """Some poses to pour from and some to pour to, for the choice of a grasp."""
+        return [list(self._over(a)[::5]), list(self._tipped(a, slice(1), (2.2,)))]
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         low, high = o.bodies["big_bin"].instance.shape().aabb()

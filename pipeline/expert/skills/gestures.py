@@ -1,6 +1,7 @@
 """What is done with a held body: pour it, turn it."""
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,18 +29,15 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16
             """Body poses that can be had, with their joints."""
             bodies = np.atleast_2d(np.asarray(bodies, float))
             q, ok = a.planner.solve(a, side, compose(bodies, hold[None]))
-            kept = [i for i in np.flatnonzero(ok) if free(q[i])]
-            return bodies[kept], q[kept]
+            return bodies[ok], q[ok]
 
         (_, over), (ends, down) = reached(upright), reached(tipped)
+        over, bad = [q for q in over if free(q)], _drawbacks(a, side, hold, ends)
         if not len(over) or not len(down):
             raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped")
-        bad = np.array(
-            [200.0 * max(0.0, SPILL_ROOM - _spill_room(a, side, hold, body)) + 100.0 * _lever(a, side, hold, body) for body in ends]
-        )
-        cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + bad
-        for k in np.argsort(cost, axis=None, kind="stable")[:80]:
-            start, end = over[k // len(down)], down[k % len(down)]
+        cost = np.linalg.norm(np.stack(over)[:, None] - down[None], axis=-1) + bad
+        ways = ((over[k // len(down)], down[k % len(down)]) for k in np.argsort(cost, axis=None, kind="stable")[:400])
+        for start, end in islice(((start, end) for start, end in ways if free(end)), 80):
             path = start + np.linspace(0, 1, 16)[:, None] * (end - start)
             at = np.stack([compose(a.planner.fk(side, row), inverse(hold))[:3] for row in path])
             off = np.minimum(np.linalg.norm(at - at[0], axis=1), np.linalg.norm(at - at[-1], axis=1))
@@ -57,23 +55,24 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16
     return act
 
 
-def _lever(a: Actor, side: str, hold: Pose, body: Pose) -> float:
-    """How far (m) off the axis of the jaws the weight of the held body at pose `body` pulls, which turns it in the grip."""
-    middle = quat_rotate(body[3:], a.bodies[a.held[side]].instance.shape().aabb().mean(0) - hold[:3])
-    jaws = quat_rotate(compose(body, hold)[3:], [0, 1.0, 0])
-    return abs(float(middle[0] * jaws[1] - middle[1] * jaws[0]))
+def _drawbacks(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is bad (M,) about pouring at the poses `bodies` (M,7) of what the hand holds at `hold` in its frame, as radians of way.
 
-
-def _spill_room(a: Actor, side: str, hold: Pose, body: Pose) -> float:
-    """How far (m) from the hand, at `hold` in the held body's frame, what runs out of the body at pose `body` passes."""
-    _, high = a.bodies[a.held[side]].instance.shape().aabb()
-    down = quat_rotate(body[3:] * [1, -1, -1, -1], [0, 0, -1.0])
-    low = np.array([*(down[:2] / np.linalg.norm(down[:2])), 0.0])
+    What runs out over the lowest edge should pass `SPILL_ROOM` from the hand; the weight should not pull off the axis of the jaws,
+    about which the body turns in the grip; and deep is better than shallow.
+    """
+    box = a.bodies[a.held[side]].instance.shape().aabb()
+    down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
+    low = down * [1, 1, 0] / np.linalg.norm(down[:, :2], axis=1, keepdims=True)
     s = np.linspace(-0.02, 0.08, 6)[:, None]
-    stream = (high[0] - 0.012) * low + (high[2] + s) * [0, 0, 1] + 9.0 * np.maximum(s, 0) ** 2 * down
-    points = transform(inverse(hold), stream)[:, None]
-    boxes = hand_boxes(a.planner.embodiment.arms[side])
-    return float(np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - points, points - boxes[:, 1]), 0), axis=-1).min())
+    stream = (box[1, 0] - 0.012) * low[:, None] + (box[1, 2] + s) * [0, 0, 1] + 9.0 * np.maximum(s, 0) ** 2 * down[:, None]
+    points = transform(inverse(hold), stream.reshape(-1, 3)).reshape(len(bodies), -1, 1, 3)
+    pieces = hand_boxes(a.planner.embodiment.arms[side])
+    apart = np.linalg.norm(np.maximum(np.maximum(pieces[:, 0] - points, points - pieces[:, 1]), 0), axis=-1).min((1, 2))
+    middle = quat_rotate(bodies[:, 3:], box.mean(0) - hold[:3])
+    jaws = quat_rotate(compose(bodies, hold[None])[:, 3:], [0, 1.0, 0])
+    lever = np.abs(middle[:, 0] * jaws[:, 1] - middle[:, 1] * jaws[:, 0])
+    return 200.0 * np.maximum(0, SPILL_ROOM - apart) + 100.0 * lever + 10.0 * (1 - down[:, 2])
 
 
 def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: float = 2.0) -> Skill:
