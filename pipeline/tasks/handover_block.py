@@ -38,7 +38,7 @@ class HandoverBlock(Task):
     def finish(self, a: Actor) -> Iterator[Skill]:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
-        yield carry(giver, self._exchange())
+        yield carry(giver, self._exchange(), room=0.09)
         centre = a.frame("pad", "centre")
         goals = resting_poses(a.frames("block")["base"], centre, QUARTERS)
         yield grasp(receiver, "block", kinds=("low",), goals=[list(goals)], pitch=0.4)

@@ -28,27 +28,24 @@ def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0
 
     def act(a: Actor) -> Iterator[Beat]:
         hands = hand_poses(a, side, np.atleast_2d(np.asarray(bodies, float)))
-        if room > 0:
-            roomy = a.planner.solve(a, side, np.stack([backed_off(h, room) for h in hands]))[1]
-            hands = hands[roomy] if roomy.any() else hands
-        yield {side: reach(a, side, hands, speed)}
+        yield {side: reach(a, side, hands, speed, room=room)}
 
     return act
 
 
-def reach(a: Actor, side: str, poses: NDArray[np.float64], speed: float = 1.0, tries: int = 8) -> Leg:
+def reach(a: Actor, side: str, poses: NDArray[np.float64], speed: float = 1.0, tries: int = 8, room: float = 0.0) -> Leg:
     q, ok = a.planner.solve(a, side, poses)
     if not ok.any():
         raise PlanFailure("pose_unreachable", f"none of {len(poses)} poses is in reach of the {side} arm")
     free = a.planner.checker(a, side)
-    for i in np.flatnonzero(ok):
-        if free(q[i]):
-            tries -= 1
-            try:
-                return a.planner.free_leg(a, side, q[i], free, speed)
-            except PlanFailure:
-                if tries <= 0:
-                    break
+    found = [i for i in np.flatnonzero(ok) if free(q[i])]
+    if room > 0:
+        found.sort(key=lambda i: a.planner.line(side, q[i], backed_off(poses[i], room)) is None)
+    for i in found[:tries]:
+        try:
+            return a.planner.free_leg(a, side, q[i], free, speed)
+        except PlanFailure:
+            continue
     raise PlanFailure("path_blocked", f"the {side} arm finds no free way to {len(poses)} poses")
 
 
