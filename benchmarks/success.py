@@ -136,20 +136,22 @@ def main() -> None:
     parser.add_argument("--robots", default="aloha")
     parser.add_argument("--levels", default="1")
     parser.add_argument("--alpha", default="0.1")
-    parser.add_argument("--seeds", type=int, default=5, help="attempts per task, robot, level and alpha")
+    parser.add_argument("--domains", default="clean")
+    parser.add_argument("--seeds", type=int, default=5, help="attempts per task, robot, level, alpha and domain")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
     parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
     args = parser.parse_args()
     tasks = sorted(TASKS) if args.tasks == "all" else args.tasks.split(",")
     robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    domains = args.domains.split(",")
     levels, speeds = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
     specs = [
-        EpisodeSpec(task, robot, level, alpha, "clean", 0, seed)
-        for task, robot, level, alpha, seed in itertools.product(tasks, robots, levels, speeds, range(args.seeds))
+        EpisodeSpec(task, robot, level, alpha, domain, 0, seed)
+        for task, robot, level, alpha, domain, seed in itertools.product(tasks, robots, levels, speeds, domains, range(args.seeds))
     ]
     tries = run(specs, args.workers)
-    what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}"
+    what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {args.domains}"
     head = f"{what}, {cost(tries):.2f} s of processor time (physics and planning, failures included) per accepted episode."
     parts = [head, hardware(), rates(tries, robots, levels), *([alphas(tries)] if len(speeds) > 1 else []), reasons(tries)]
     print("\n\n".join(parts))
