@@ -46,7 +46,7 @@ class Carried:
 
 
 class Planner:
-    """Chains, limits and the collision world of one embodiment; use `planner_for`, which keeps one per process."""
+    """Chains, limits and the collision world of one embodiment; use `planner_of`, which keeps the latest ones."""
 
     def __init__(self, embodiment: Embodiment) -> None:
         self.embodiment = embodiment
@@ -144,6 +144,11 @@ class Planner:
 
 
 @lru_cache(maxsize=4)
+def planner_of(embodiment: Embodiment) -> Planner:
+    """The planner of an embodiment; the latest ones are remembered (they hold only constants)."""
+    return Planner(embodiment)
+
+
 def planner_for(name: str) -> Planner:
-    """The planner of an embodiment, built once per process (it holds only constants)."""
-    return Planner(get_embodiment(name))
+    """The planner of an embodiment by its name, as it stands in the clean domain."""
+    return planner_of(get_embodiment(name))

@@ -1,7 +1,7 @@
 """Dimensions of a hand that follow from its collision pieces."""
 
 from collections.abc import Iterable
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,13 @@ from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.forward import arm_poses
 
 
-@cache
+@lru_cache(maxsize=16)
 def fingertip_reach(arm: Arm) -> float:
     """How far (m) the closed fingertips stand out of the tcp along the approach axis."""
     return float(max(points[:, 0].max() for points in _pieces(arm, arm.gripper.fingers)))
 
 
-@cache
+@lru_cache(maxsize=16)
 def hand_boxes(arm: Arm) -> NDArray[np.float64]:
     """Bounds (N,2,3) of the collision pieces of the closed hand, fingers included, in the tcp frame (m)."""
     return np.array([(points.min(0), points.max(0)) for points in _pieces(arm, (arm.hand, *arm.gripper.fingers))])

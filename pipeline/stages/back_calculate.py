@@ -8,9 +8,8 @@ from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.clearance import Clearance
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure
-from pipeline.stages.stage_set import FRAME_MARGIN, Stage
+from pipeline.stages.stage_set import Stage
 from pipeline.tasks import middle
-from pipeline.world.cameras import cameras_of, visible
 
 TAIL = 0.25
 """Seconds after the meeting for which the straight continuation must stay in the workspace and in view."""
@@ -23,12 +22,11 @@ def back_calculate(stage: Stage, dry: DryRun, *, camera: str, lead: float, speed
     """Draw the target's motion. Raises Failure("back_calculate", "no_motion") when 1000 candidates are rejected."""
     spec, task = stage.spec, stage.task
     body = stage.bodies[task.target]
-    head = cameras_of(stage.embodiment, camera)[0]
     half = middle(body.pose, body.instance) - body.pose[:3]
 
     def seen(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """The frustum test of the head camera for the middle of the target along each path."""
-        return np.asarray(visible(head.type, head.pose, points + half, FRAME_MARGIN).all(-1))
+        """Whether the head camera sees the middle of the target all along each path."""
+        return np.asarray(stage.sees(points + half, camera).all(-1))
 
     clearance = Clearance(stage, dry)
     try:

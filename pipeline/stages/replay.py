@@ -22,7 +22,8 @@ class Replay:
 def replay(stage: Stage, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     """Play the first half back while the target moves, then finish the script live.
 
-    Raises Failure: missed (nothing touched the target in the first half), a planning reason, or no_success.
+    Raises Failure: missed (nothing touched the target in the first half), a planning reason, no_success, or
+    clutter_touched.
     """
     actor = stage.start(motion, fps, STAGE)
     with failing_as(STAGE, actor):
@@ -37,5 +38,7 @@ def replay(stage: Stage, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         since = success_time(stage, actor.recorder.log())
         if since is None:
             raise Failure(STAGE, "no_success", "the task's condition does not hold at the end")
+        if touched := stage.disturbed(actor.recorder.log()):
+            raise Failure(STAGE, "clutter_touched", f"something touched {touched}")
     actor.recorder.extra.append(Event("success", since))
     return Replay(actor.recorder.log(), actor.steps)

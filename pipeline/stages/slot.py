@@ -19,6 +19,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.render import render, visuals_of
 from pipeline.stages.replay import Replay, replay
 from pipeline.stages.stage_set import Stage, set_stage
+from pipeline.stages.surroundings import table_drop
 from pipeline.tasks.language import instructions
 
 
@@ -88,7 +89,8 @@ def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
     stage, task = rollout.stage, rollout.stage.task
     words = {name: body.instance.words() for name, body in stage.bodies.items()}
     spec = stage.spec
-    text = instructions(task.seen, task.unseen, words, stage.arms, spec.rng("language"), recipe.instructions, spec.moving)
+    own = {name: w for name, w in words.items() if name not in stage.clutter}
+    text = instructions(task.seen, task.unseen, own, stage.arms, spec.rng("language"), recipe.instructions, spec.moving)
     objects = {
         name: {
             "family": body.family,
@@ -105,6 +107,8 @@ def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
         "category": task.category,
         "arms": stage.arms,
         "objects": objects,
+        "clutter": stage.clutter,
+        "table_drop": table_drop(spec),
         "T_meet": rollout.meeting,
         "average_speed": rollout.motion.average_speed(),
         "maximum_speed": rollout.motion.maximum_speed(),

@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from pipeline.expert.actor import Actor
 from pipeline.expert.failure import PlanFailure
-from pipeline.expert.planner import planner_for
+from pipeline.expert.planner import planner_of
 from pipeline.spec import EpisodeSpec
 from pipeline.stages.failure import Failure
+from pipeline.stages.surroundings import clutter, embodiment_of, hidden
 from pipeline.tasks import TASKS, Task, place
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 from pipeline.world.cameras import cameras_of, visible
 from pipeline.world.recorder import Recorder
-from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.simulation import Motion, Simulation
 from pipeline.world.state_log import StateLog
@@ -26,13 +26,17 @@ FRAME_MARGIN = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms."""
+    """A spec with its task, robot, bodies at their manipulation poses, and the roles of the arms.
+
+    The last `bodies` are the distractors of the randomized domain, whose names `clutter` lists.
+    """
 
     spec: EpisodeSpec
     task: Task
     embodiment: Embodiment
     bodies: dict[str, Body]
     arms: dict[str, str]
+    clutter: tuple[str, ...] = ()
 
     def start(self, motion: Motion, fps: int, purpose: str) -> Actor:
         """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies do not come to rest."""
@@ -44,14 +48,29 @@ class Stage:
             Recorder(simulation, fps),
             self.bodies,
             self.arms,
-            planner_for(self.spec.embodiment),
+            planner_of(self.embodiment),
             self.spec.rng(f"planning/{purpose}"),
             self.task.step_limit,
         )
 
+    def sees(self, points: NDArray[np.float64], camera: str = "D435") -> NDArray[np.bool_]:
+        """Which world points (..., 3) the head camera has in its picture, with a margin, and no distractor before them."""
+        head = cameras_of(self.embodiment, camera)[0]
+        blockers = [self.bodies[name] for name in self.clutter]
+        return visible(head.type, head.pose, points, FRAME_MARGIN) & ~hidden(blockers, head.pose, points)
+
     def outcome(self, log: StateLog) -> Outcome:
         """The log with the names and frames of this scene."""
         return Outcome(log, self.bodies, self.embodiment, self.task.target)
+
+    def disturbed(self, log: StateLog) -> str:
+        """The first distractor that anything but the table touches in the log, "" for none."""
+        table = log.bodies.index("table")
+        for name in self.clutter:
+            i, rows = log.bodies.index(name), log.contacts
+            if (((rows["a"] == i) | (rows["b"] == i)) & (rows["a"] != table) & (rows["b"] != table)).any():
+                return name
+        return ""
 
     def succeeded(self, log: StateLog) -> bool:
         """Whether the task's one success condition holds at the end of the log."""
@@ -61,7 +80,7 @@ class Stage:
 def set_stage(spec: EpisodeSpec) -> Stage:
     """Lay out the scene of a spec; a pure function of it. Raises Failure("layout") where the bodies do not fit."""
     task = TASKS[spec.task]
-    embodiment = get_embodiment(spec.embodiment)
+    embodiment = embodiment_of(spec)
     head = cameras_of(embodiment)[0]
 
     def in_view(point: NDArray[np.float64]) -> bool:
@@ -71,7 +90,8 @@ def set_stage(spec: EpisodeSpec) -> Stage:
         bodies = place(task, spec.rng("objects"), spec.rng("placement"), in_view)
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
-    return Stage(spec, task, embodiment, bodies, task.arms(bodies))
+    others = clutter(spec, bodies, embodiment)
+    return Stage(spec, task, embodiment, bodies | others, task.arms(bodies), tuple(others))
 
 
 def success_time(stage: Stage, log: StateLog) -> float | None:

@@ -1,0 +1,138 @@
+"""What the randomized domain changes around a task, besides looks: table height, head camera and clutter.
+
+Each draws from its own stream of the spec. The clean domain draws nothing.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.poses import Pose, inverse, transform, yawed
+from pipeline.spec import EpisodeSpec
+from pipeline.tasks import middle
+from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
+from pipeline.world.objects.contract import FAMILIES, Family
+from pipeline.world.robots import get_embodiment
+from pipeline.world.robots.contract import SIDES, Embodiment
+from pipeline.world.robots.forward import arm_poses
+from pipeline.world.robots.varied import looking, raised
+
+TABLE_DROP = 0.03
+"""m; the table is lower by up to this much, as in the original. In the world frame the robot stands higher by as much."""
+
+CAMERA_SHIFT, CAMERA_TURN = 0.006, np.radians(1.0)
+"""m and rad; the head camera's largest offset along and about each of its axes."""
+
+CLUTTER = (3, 8)
+"""The fewest and the most distractors; fewer where there is no room."""
+
+CLUTTER_FAMILIES = (
+    *("alarm_clock", "bell", "bread", "can", "coaster", "coffee_box", "fan", "mouse", "phone", "phone_stand", "pill_bottle"),
+    *("playing_cards", "qr_sign", "remote", "rubiks_cube", "sauce_can", "scanner", "seal", "soap", "stapler", "tea_box"),
+    *("toy_car", "wooden_block"),
+)
+"""Small families of few collision pieces that stand where they are put."""
+
+CLUTTER_TRIES = 20
+TASK_GAP = 0.08  # m kept from the bodies of the task, room for a hand
+CLUTTER_GAP = 0.02  # m kept between distractors, and from the table's edge
+ARM_GAP = 0.04  # m kept from the arms at home
+HANDS, LOW = ((-0.33, -0.35), (0.33, 0.0)), 0.06
+"""Corners (m) of where hands work, set things down and hand them over; what stands there is at most `LOW` m high."""
+
+
+def table_drop(spec: EpisodeSpec) -> float:
+    """How much lower (m) than usual the table is for the robot."""
+    return 0.0 if spec.domain == "clean" else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
+
+
+def embodiment_of(spec: EpisodeSpec) -> Embodiment:
+    """The robot of a spec, at its height above the table and with its head camera where it is in this attempt."""
+    embodiment = get_embodiment(spec.embodiment)
+    if spec.domain == "clean":
+        return embodiment
+    shift, turn = spec.rng("head_camera").uniform(-1, 1, (2, 3)) * [[CAMERA_SHIFT], [CAMERA_TURN]]
+    return looking(raised(embodiment, table_drop(spec)), shift, turn.tolist())
+
+
+def clutter(spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment) -> dict[str, Body]:
+    """Distractors on the table by name: of other kinds than the task's `bodies`, apart from them, from each other and from the arms
+    at home, and hiding none of them from the head camera."""
+    if spec.domain == "clean":
+        return {}
+    rng = spec.rng("clutter")
+    families = [str(name) for name in rng.permutation(CLUTTER_FAMILIES)]
+    wanted = int(rng.integers(CLUTTER[0], CLUTTER[1] + 1))
+    used = {word for body in bodies.values() for word in _nouns(body.family, body.instance)}
+    links = _link_boxes(embodiment)
+    middles = np.array([middle(b.pose, b.instance) for b in bodies.values()])
+    found: dict[str, Body] = {}
+    for family in families:
+        if len(found) == wanted:
+            break
+        instance = FAMILIES[family].draw(rng)
+        if used & _nouns(family, instance):
+            continue
+        x, y, yaw = rng.uniform(-1, 1, (3, CLUTTER_TRIES)) * [[TABLE_HALF[0]], [TABLE_HALF[1]], [np.pi]]
+        for k in range(CLUTTER_TRIES):
+            body = Body(f"clutter_{len(found) + 1}", family, instance, yawed((x[k], y[k], TABLE_TOP), yaw[k]))
+            if _free(body, bodies, found, links) and not hidden([body], embodiment.head_camera, middles).any():
+                found[body.name] = body
+                break
+    return found
+
+
+def hidden(blockers: list[Body], camera: Pose, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which world points (..., 3) a camera above the table cannot see because a body, taken as an upright cylinder, is in front."""
+    out = np.zeros(points.shape[:-1], bool)
+    for body in blockers:
+        shape = body.instance.shape()
+        top = body.pose[2] + shape.aabb()[1, 2]
+        rise = np.maximum(top - points[..., 2], 0.0) / (camera[2] - points[..., 2])
+        ray = rise[..., None] * (camera[:2] - points[..., :2])  # the part of the sight line that is no higher than the body
+        to = body.pose[:2] - points[..., :2]
+        along = np.clip((to * ray).sum(-1) / np.maximum((ray * ray).sum(-1), 1e-12), 0.0, 1.0)
+        near = np.linalg.norm(to - along[..., None] * ray, axis=-1) < shape.footprint_radius()
+        out |= near & (rise > 0)
+    return out
+
+
+def _nouns(family: str, instance: Family) -> set[str]:
+    """What an object might be taken for: the words of its family and of its noun."""
+    return {*family.split("_"), *instance.words().noun.lower().split()}
+
+
+def _free(body: Body, bodies: dict[str, Body], found: dict[str, Body], links: NDArray[np.float64]) -> bool:
+    shape, at = body.instance.shape(), body.pose[:2]
+    radius, top = shape.footprint_radius(), body.pose[2] + shape.aabb()[1, 2]
+    if (np.abs(at) + radius + CLUTTER_GAP > TABLE_HALF).any():
+        return False
+    if top > TABLE_TOP + LOW and _distance(at, np.array(HANDS)) < radius:
+        return False
+    if any(np.linalg.norm(at - o.pose[:2]) < radius + o.instance.shape().footprint_radius() + CLUTTER_GAP for o in found.values()):
+        return False
+    low = links[links[:, 0, 2] < top + ARM_GAP]
+    if any(_distance(at, box[:, :2]) < radius + ARM_GAP for box in low):
+        return False
+    own = [(transform(inverse(b.pose), body.pose[:3])[:2], b.instance.shape().aabb()[:, :2]) for b in bodies.values()]
+    return all(_distance(local, box) >= radius + TASK_GAP for local, box in own)
+
+
+def _distance(point: NDArray[np.float64], box: NDArray[np.float64]) -> float:
+    """Distance (m) of a point (2,) from a rectangle (2,2) of lower and upper corner; 0 inside."""
+    return float(np.linalg.norm(np.maximum(np.maximum(box[0] - point, point - box[1]), 0.0)))
+
+
+def _link_boxes(embodiment: Embodiment) -> NDArray[np.float64]:
+    """World boxes (L,2,3) around the collision pieces of both arms at home."""
+    boxes = []
+    for side in SIDES:
+        arm = embodiment.arms[side]
+        at = arm_poses(arm, arm.home)
+        for link in arm.links:
+            for piece in link.collision:
+                points = transform(at[link.name], piece.support_points())
+                boxes.append((points.min(0), points.max(0)))
+    return np.array(boxes)
+
+
+__all__ = ["clutter", "embodiment_of", "hidden", "table_drop"]

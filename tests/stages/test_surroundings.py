@@ -1,0 +1,278 @@
+"""The randomized domain around a task: what it draws and from where, clutter out of the way, table height and head camera."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from pipeline.episode import open_episode, write_episode
+from pipeline.manifest import Recipe
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.poses import angle_between, inverse, transform, yawed
+from pipeline.spec import EpisodeSpec
+from pipeline.stages.render import render
+from pipeline.stages.slot import Phases, attempt, episode_of
+from pipeline.stages.stage_set import set_stage
+from pipeline.stages.surroundings import (
+    ARM_GAP,
+    CAMERA_SHIFT,
+    CAMERA_TURN,
+    CLUTTER,
+    CLUTTER_FAMILIES,
+    CLUTTER_GAP,
+    HANDS,
+    LOW,
+    TABLE_DROP,
+    TASK_GAP,
+    clutter,
+    hidden,
+    table_drop,
+)
+from pipeline.tasks import middle
+from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
+from pipeline.world.cameras import cameras_of, extrinsics_cv
+from pipeline.world.objects import FAMILIES
+from pipeline.world.robots import get_embodiment
+from pipeline.world.robots.contract import SIDES
+from pipeline.world.robots.forward import arm_poses
+from pipeline.world.robots.varied import raised
+from pipeline.world.simulation import Simulation
+
+TASKS = ("click_bell", "place_container_plate", "beat_block_hammer", "shake_bottle", "grab_roller", "handover_block")
+
+
+def spec(task="click_bell", seed=0, domain="randomized", level=1):
+    return EpisodeSpec(task, "aloha-agilex", level, 0.1, domain, 0, seed)
+
+
+@pytest.fixture(scope="module")
+def stages():
+    return [set_stage(spec(task, seed)) for task in TASKS for seed in range(4)]
+
+
+@pytest.fixture(scope="module")
+def rollout():
+    return attempt(spec(), Recipe(), Phases())
+
+
+def scene(stage):
+    return {name: (body.instance, *body.pose) for name, body in stage.bodies.items()}
+
+
+# --- what is drawn ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_clean_domain_draws_nothing_for_its_surroundings(monkeypatch):
+    drawn, rng = [], EpisodeSpec.rng
+    monkeypatch.setattr(EpisodeSpec, "rng", lambda self, purpose: drawn.append(purpose) or rng(self, purpose))
+    done = attempt(spec(domain="clean"), Recipe(), Phases())
+    assert set(drawn) == {"objects", "placement", "planning/dry_run", "planning/replay", "target_motion"}
+    assert done.stage.embodiment is get_embodiment("aloha")
+    assert done.stage.clutter == ()
+    assert episode_of(done, Recipe()).meta["table_drop"] == 0.0
+
+
+def test_paired_cells_differ_only_where_the_other_camera_would_not_see_the_target(stages):
+    same = 0
+    for stage in stages:
+        clean = set_stage(replace(stage.spec, domain="clean"))
+        own = {name: body for name, body in scene(stage).items() if name not in stage.clutter}
+        target = clean.bodies[stage.task.target]
+        equal = own == scene(clean)
+        assert equal or not stage.sees(middle(target.pose, target.instance))
+        same += equal
+    assert same > 0.7 * len(stages)
+
+
+def test_a_randomized_scene_follows_from_its_spec(stages):
+    for stage in stages:
+        again = set_stage(replace(stage.spec, level=3))
+        assert scene(again) == scene(stage)
+        np.testing.assert_array_equal(again.embodiment.head_camera, stage.embodiment.head_camera)
+        for side in SIDES:
+            np.testing.assert_array_equal(again.embodiment.arms[side].base, stage.embodiment.arms[side].base)
+    cameras = {tuple(stage.embodiment.head_camera) for stage in stages}
+    assert len(cameras) == len({table_drop(stage.spec) for stage in stages}) == len(stages)
+
+
+def test_a_randomized_attempt_repeats_to_the_byte(rollout):
+    again = attempt(spec(), Recipe(), Phases())
+    for key in ("poses", "qpos", "action", "contacts"):
+        assert getattr(rollout.replay.log, key).tobytes() == getattr(again.replay.log, key).tobytes()
+    assert again.motion.to_json() == rollout.motion.to_json()
+
+
+# --- clutter ----------------------------------------------------------------------------------------------------------------
+
+
+def outline(body, n=24):
+    """Points (K,2) along the border of a body's bounding box, seen from above."""
+    (x0, y0, _), (x1, y1, _) = body.instance.shape().aabb()
+    u = np.linspace(0, 1, n)[:, None]
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    edges = [a + u * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    return transform(body.pose, np.hstack([np.concatenate(edges), np.zeros((4 * n, 1))]))[:, :2]
+
+
+def apart(a, b):
+    return np.linalg.norm(outline(a)[:, None] - outline(b)[None], axis=-1).min()
+
+
+def test_clutter_stands_on_the_table_out_of_the_way(stages):
+    numbers = []
+    for stage in stages:
+        others = [stage.bodies[name] for name in stage.clutter]
+        numbers.append(len(others))
+        for body in others:
+            points = outline(body)
+            assert (np.abs(points) <= np.array(TABLE_HALF) - CLUTTER_GAP).all()
+            in_front = ((points > HANDS[0]) & (points < HANDS[1])).all(1).any()
+            assert not in_front or body.instance.shape().aabb()[1, 2] <= LOW
+            assert body.pose[2] == TABLE_TOP
+            for name in stage.bodies.keys() - set(stage.clutter):
+                assert apart(body, stage.bodies[name]) >= TASK_GAP
+        for a, b in combinations(others, 2):
+            assert apart(a, b) >= CLUTTER_GAP
+    assert min(numbers) >= CLUTTER[0]
+    assert max(numbers) == CLUTTER[1]
+    assert len(set(numbers)) >= 4
+
+
+def test_clutter_keeps_clear_of_the_arms_at_home(stages):
+    for stage in stages:
+        for body in (stage.bodies[name] for name in stage.clutter):
+            top, points = TABLE_TOP + body.instance.shape().aabb()[1, 2], outline(body)
+            for side in SIDES:
+                arm = stage.embodiment.arms[side]
+                at = arm_poses(arm, arm.home)
+                for corners in (transform(at[x.name], piece.support_points()) for x in arm.links for piece in x.collision):
+                    low, high = corners.min(0) - ARM_GAP, corners.max(0) + ARM_GAP
+                    assert low[2] > top or not ((points > low[:2]) & (points < high[:2])).all(1).any()
+
+
+def test_clutter_is_of_other_kinds_than_the_tasks_own_bodies(stages):
+    for stage in stages:
+        own = [body for name, body in stage.bodies.items() if name not in stage.clutter]
+        names = {word for b in own for word in (*b.family.split("_"), *b.instance.words().noun.lower().split())}
+        families = [stage.bodies[name].family for name in stage.clutter]
+        assert len(set(families)) == len(families)
+        assert not names & {word for family in families for word in family.split("_")}
+
+
+def test_every_kind_of_clutter_is_small_and_stays_where_it_is_put():
+    bodies = {"target": Body("target", "block", FAMILIES["block"].draw(np.random.default_rng(0)), yawed((0, -0.2, TABLE_TOP), 0))}
+    for i, family in enumerate(CLUTTER_FAMILIES):
+        instance = FAMILIES[family].draw(np.random.default_rng(i))
+        assert len(instance.shape().collision) <= 5
+        at = (0.2 * (i % 6) - 0.5, 0.17 * (i // 6) - 0.28, TABLE_TOP)
+        bodies[family] = Body(family, family, instance, yawed(at, 0.3 * i))
+    away = TargetMotion.still(yawed((0, 0, 2.0), 0), 1.0)
+    s = Simulation(get_embodiment("aloha"), tuple(bodies.values()), "target", away)
+    assert s.settle()
+    for _ in range(120):
+        s.step(s.home_vector(), np.zeros(len(s.command)))
+    for family in CLUTTER_FAMILIES:
+        assert np.linalg.norm(s.pose(family)[:3] - bodies[family].pose[:3]) < 1e-3, family
+        assert angle_between(s.pose(family)[3:], bodies[family].pose[3:]) < 0.02, family
+
+
+def test_fewer_distractors_where_there_is_no_room(monkeypatch, stages):
+    monkeypatch.setattr("pipeline.stages.surroundings.TASK_GAP", 0.5)
+    numbers = [len(clutter(s.spec, {s.task.target: s.bodies[s.task.target]}, s.embodiment)) for s in stages[:8]]
+    assert min(numbers) < CLUTTER[0]
+
+
+def test_hidden_is_what_a_cylinder_covers():
+    rng, camera = np.random.default_rng(3), np.array([0.0, -0.45, 1.35, 1, 0, 0, 0])
+    body = Body("c", "can", FAMILIES["can"].draw(rng), yawed((0.1, 0.05, TABLE_TOP), 0.4))
+    shape = body.instance.shape()
+    radius, top = shape.footprint_radius(), TABLE_TOP + shape.aabb()[1, 2]
+    points = rng.uniform((-0.2, -0.2, TABLE_TOP), (0.4, 0.5, TABLE_TOP + 0.1), (3000, 3))
+    along = np.linspace(0, 1, 3000)[:, None]
+    found = hidden([body], camera, points)
+    assert 0.02 < found.mean() < 0.5
+    for point, is_hidden in zip(points, found, strict=True):
+        ray = point + along * (camera[:3] - point)
+        depth = radius - np.linalg.norm(ray[:, :2] - body.pose[:2], axis=1)[ray[:, 2] <= top]
+        deepest = depth.max() if len(depth) else -1.0
+        assert is_hidden == (deepest > 0) or abs(deepest) < 1e-3
+    assert not hidden([], camera, points).any()
+
+
+def test_path_and_planner_take_clutter_for_obstacles(rollout):
+    stage, log = rollout.stage, rollout.replay.log
+    assert stage.clutter
+    meeting = log.times <= rollout.meeting
+    middles = log.pose("bell")[meeting, :3] + middle(stage.bodies["bell"].pose, stage.bodies["bell"].instance)
+    middles -= stage.bodies["bell"].pose[:3]
+    assert stage.sees(middles).all()
+    actor = stage.start(rollout.motion, 15, "test")
+    assert set(stage.clutter) <= set(actor.obstacles())
+    reach = stage.bodies["bell"].instance.shape().footprint_radius()
+    for name in stage.clutter:
+        near = np.linalg.norm(log.pose("bell")[meeting, :2] - stage.bodies[name].pose[:2], axis=1).min()
+        assert near > 0.8 * (reach + stage.bodies[name].instance.shape().footprint_radius())
+
+
+def test_an_episode_leaves_clutter_alone(rollout):
+    stage, log = rollout.stage, rollout.replay.log
+    assert stage.disturbed(log) == ""
+    name, link = stage.clutter[1], log.bodies.index("left_link6")
+    touch = np.array([(3, log.bodies.index(name), link, 0.1, (0, 0, 0.8))], dtype=log.contacts.dtype)
+    assert stage.disturbed(replace(log, contacts=np.concatenate([log.contacts, touch]))) == name
+
+
+def test_instructions_and_episode_tell_clutter_from_the_task(rollout):
+    episode = episode_of(rollout, Recipe())
+    assert episode.meta["clutter"] == rollout.stage.clutter
+    assert set(rollout.stage.clutter) | {"bell"} == set(episode.meta["objects"])
+    phrases = {words for name in rollout.stage.clutter for words in rollout.stage.bodies[name].instance.words().seen}
+    assert not any(phrase in sentence for phrase in phrases for sentence in episode.instructions["seen"])
+
+
+# --- table height and head camera -------------------------------------------------------------------------------------------
+
+
+def test_a_lower_table_is_a_robot_that_stands_higher(stages):
+    plain = get_embodiment("aloha")
+    for stage in stages:
+        drop, e = table_drop(stage.spec), stage.embodiment
+        assert 0 < drop < TABLE_DROP
+        for side in SIDES:
+            np.testing.assert_allclose(e.arms[side].base - plain.arms[side].base, [0, 0, drop, 0, 0, 0, 0], atol=1e-12)
+    bottom = min(mesh.vertices[:, 2].min() for mesh, _ in plain.furniture)
+    top = max(mesh.vertices[:, 2].max() for mesh, _ in plain.furniture)
+    higher = raised(plain, 0.03)
+    assert min(mesh.vertices[:, 2].min() for mesh, _ in higher.furniture) == pytest.approx(bottom, abs=1e-3)
+    assert max(mesh.vertices[:, 2].max() for mesh, _ in higher.furniture) == pytest.approx(top + 0.03, abs=1e-5)
+    np.testing.assert_allclose(
+        [c.pose[2] for c in higher.furniture_collision], [c.pose[2] + 0.03 for c in plain.furniture_collision], atol=1e-12
+    )
+
+
+def test_the_head_camera_moves_a_little(stages):
+    plain = get_embodiment("aloha").head_camera
+    shifts, turns = [], []
+    for stage in stages:
+        camera = stage.embodiment.head_camera - [0, 0, table_drop(stage.spec), 0, 0, 0, 0]
+        shifts.append(transform(inverse(plain), camera[:3]))
+        turns.append(angle_between(plain[3:], camera[3:]))
+    assert (np.abs(shifts) <= CAMERA_SHIFT).all()
+    assert np.abs(shifts).max() > 0.5 * CAMERA_SHIFT
+    assert CAMERA_TURN / 2 < max(turns) <= CAMERA_TURN * np.sqrt(3) * 1.01
+    for stage in stages:
+        target = stage.bodies[stage.task.target]
+        assert stage.sees(middle(target.pose, target.instance))
+
+
+def test_the_episode_records_the_camera_it_was_seen_from(rollout, tmp_path):
+    stage, log = rollout.stage, rollout.replay.log
+    views = render(stage, log, preset="raster-fast", only=["head_camera"])
+    write_episode(tmp_path / "e.hdf5", episode_of(rollout, Recipe()), views)
+    with open_episode(tmp_path / "e.hdf5") as file:
+        recorded = file.array("observation/head_camera/extrinsic_cv")
+    head = cameras_of(stage.embodiment)[0]
+    np.testing.assert_allclose(recorded, np.repeat(extrinsics_cv(head.pose)[None], len(log), 0), atol=1e-6)
+    clean = extrinsics_cv(get_embodiment("aloha").head_camera)
+    assert np.abs(recorded[0] - clean).max() > 1e-3
