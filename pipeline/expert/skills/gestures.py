@@ -58,8 +58,8 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = 0.16
 def _drawbacks(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) -> NDArray[np.float64]:
     """What is bad (M,) about pouring at the poses `bodies` (M,7) of what the hand holds at `hold` in its frame, as radians of way.
 
-    What runs out over the lowest edge should pass `SPILL_ROOM` from the hand; the weight should not pull off the axis of the jaws,
-    about which the body turns in the grip; and deep is better than shallow.
+    What runs out over the lowest edge should pass `SPILL_ROOM` from the hand; the weight should not pull off the axis of the jaws
+    on the way, or the body turns in the grip; and deep is better than shallow.
     """
     box = a.bodies[a.held[side]].instance.shape().aabb()
     down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
@@ -69,9 +69,7 @@ def _drawbacks(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) -> 
     points = transform(inverse(hold), stream.reshape(-1, 3)).reshape(len(bodies), -1, 1, 3)
     pieces = hand_boxes(a.planner.embodiment.arms[side])
     apart = np.linalg.norm(np.maximum(np.maximum(pieces[:, 0] - points, points - pieces[:, 1]), 0), axis=-1).min((1, 2))
-    middle = quat_rotate(bodies[:, 3:], box.mean(0) - hold[:3])
-    jaws = quat_rotate(compose(bodies, hold[None])[:, 3:], [0, 1.0, 0])
-    lever = np.abs(middle[:, 0] * jaws[:, 1] - middle[:, 1] * jaws[:, 0])
+    lever = np.abs(low @ np.cross(box.mean(0) - hold[:3], quat_rotate(hold[3:], [0, 1.0, 0])))
     return 200.0 * np.maximum(0, SPILL_ROOM - apart) + 100.0 * lever + 10.0 * (1 - down[:, 2])
 
 
