@@ -73,33 +73,44 @@ def read_urdf(path: Path) -> VendorRobot:
         raise VendorMeshError(f"{path}: not readable as XML ({error})") from error
     if root.tag != "robot" or any("xacro" in element.tag for element in root.iter()):
         raise VendorMeshError(f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro > out.urdf`")
-    colors = {m.get("name", ""): _color(m) for m in root.findall("material")}
-    joints = [_joint(element) for element in root.findall("joint")]
+    colors = {m.get("name", ""): _color(m, f"{path}: material {m.get('name')!r}") for m in root.findall("material")}
     links = root.findall("link")
     visuals = {link.get("name", ""): tuple(v for e in link.findall("visual") for v in _visual(e, path, colors)) for link in links}
-    return VendorRobot(path, tuple(visuals), {joint.child: joint for joint in joints}, visuals)
+    joints: dict[str, Joint] = {}
+    for element in root.findall("joint"):
+        where = f"{path}: joint {element.get('name')!r}"
+        joint = _joint(element, where)
+        for link in (joint.parent, joint.child):
+            if link not in visuals:
+                raise VendorMeshError(f"{where} names link {link!r}, which the file does not have")
+        if joint.child in joints:
+            raise VendorMeshError(f"{where} moves link {joint.child!r}, which joint {joints[joint.child].name!r} moves already")
+        joints[joint.child] = joint
+    return VendorRobot(path, tuple(visuals), joints, visuals)
 
 
-def _joint(e: ET.Element) -> Joint:
+def _joint(e: ET.Element, where: str) -> Joint:
     kind = {"continuous": "revolute"}.get(e.get("type", ""), e.get("type", ""))
     parent, child, axis = e.find("parent"), e.find("child"), e.find("axis")
     if parent is None or child is None:
-        raise VendorMeshError(f"joint {e.get('name')!r} names no parent or no child link")
-    direction = np.array(_numbers(axis, "xyz", (1.0, 0.0, 0.0)))
+        raise VendorMeshError(f"{where} names no parent or no child link")
+    direction = np.array(_numbers(axis, "xyz", (1.0, 0.0, 0.0), where))
     if kind in ("revolute", "prismatic"):
+        if not direction.any():
+            raise VendorMeshError(f"{where} has an axis of length 0")
         direction = direction / np.linalg.norm(direction)
     x, y, z = direction.tolist()
-    return Joint(e.get("name", ""), kind, parent.get("link", ""), child.get("link", ""), _origin(e), (x, y, z))
+    return Joint(e.get("name", ""), kind, parent.get("link", ""), child.get("link", ""), _origin(e, where), (x, y, z))
 
 
 def _visual(e: ET.Element, urdf: Path, colors: Mapping[str, tuple[float, float, float] | None]) -> list[VendorVisual]:
-    mesh = e.find("geometry/mesh")
+    mesh, where = e.find("geometry/mesh"), f"{urdf}: a visual"
     if mesh is None:
         return []
     material = e.find("material")
-    color = None if material is None else _color(material) or colors.get(material.get("name", ""))
-    scale = _numbers(mesh, "scale", (1.0, 1.0, 1.0))
-    return [VendorVisual(_mesh_file(mesh.get("filename", ""), urdf), scale, _origin(e), color)]
+    color = None if material is None else _color(material, where) or colors.get(material.get("name", ""))
+    scale = _numbers(mesh, "scale", (1.0, 1.0, 1.0), where)
+    return [VendorVisual(_mesh_file(mesh.get("filename", ""), urdf), scale, _origin(e, where), color)]
 
 
 def _mesh_file(name: str, urdf: Path) -> Path:
@@ -115,25 +126,31 @@ def _mesh_file(name: str, urdf: Path) -> Path:
     raise VendorMeshError(f"{urdf}: mesh {name!r} was not found next to it or in the folders above")
 
 
-def _color(material: ET.Element) -> tuple[float, float, float] | None:
+def _color(material: ET.Element, where: str) -> tuple[float, float, float] | None:
     e = material.find("color")
     if e is None:
         return None
-    r, g, b = (float(v) for v in e.get("rgba", "0.8 0.8 0.8 1").split()[:3])
+    rgba = e.get("rgba", "0.8 0.8 0.8 1")
+    try:
+        r, g, b = (min(1.0, max(0.0, float(v))) for v in rgba.split()[:3])
+    except ValueError as error:
+        raise VendorMeshError(f"{where}: rgba={rgba!r} is no colour") from error
     return (r, g, b)
 
 
-def _origin(e: ET.Element) -> Pose:
+def _origin(e: ET.Element, where: str) -> Pose:
     origin = e.find("origin")
-    return at(_numbers(origin, "xyz", (0.0, 0.0, 0.0)), _numbers(origin, "rpy", (0.0, 0.0, 0.0)))
+    return at(_numbers(origin, "xyz", (0.0, 0.0, 0.0), where), _numbers(origin, "rpy", (0.0, 0.0, 0.0), where))
 
 
-def _numbers(e: ET.Element | None, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+def _numbers(e: ET.Element | None, key: str, default: tuple[float, float, float], where: str) -> tuple[float, float, float]:
     text = None if e is None else e.get(key)
     if text is None:
         return default
     try:
         x, y, z = (float(v) for v in text.split())
     except ValueError as error:
-        raise VendorMeshError(f"{key}={text!r} is not three numbers") from error
+        raise VendorMeshError(f"{where}: {key}={text!r} is not three numbers") from error
+    if not np.isfinite([x, y, z]).all():
+        raise VendorMeshError(f"{where}: {key}={text!r} is not finite")
     return (x, y, z)
