@@ -14,6 +14,7 @@ from pipeline.expert.warm import compiled, warm_up
 from pipeline.manifest import Recipe
 from pipeline.report_page import refresh
 from pipeline.stages.slot import SlotJob, fill_slot
+from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
 from pipeline.world.vulkan import ensure_renderer
 
 _PACKAGES = ("domino-data", "sapien", "numpy", "numba", "pin", "coal", "toppra", "h5py", "opencv-python-headless", "ray", "pyarrow")
@@ -31,11 +32,16 @@ class BuildResult:
     reasons: dict[str, int]
 
 
-def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool = False) -> BuildResult:
-    """Build or go on building the dataset. Raises DatasetError for a directory of another recipe, NoRenderer without Vulkan."""
+def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool = False, assets: Path | None = None) -> BuildResult:
+    """Build or go on building the dataset; vendor meshes that its recipe names are taken from `assets` the first time.
+
+    Raises DatasetError for a directory of another recipe, NoRenderer without Vulkan, VendorMeshError for meshes that are not there.
+    """
     device = ensure_renderer()
     dataset = Dataset(root)
+    meshes = find_meshes(recipe.robot_meshes, [dataset.assets, *([assets] if assets else [])])
     dataset.create(recipe)
+    copy_meshes(meshes, dataset.assets)
     slots = list(recipe.slots())
     todo = [slot for slot in slots if dataset.finished(recipe, slot) is None]
     if todo and executor != "inline" and not compiled():
@@ -48,7 +54,7 @@ def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool =
     finally:
         progress.close()
         dataset.write_attempts(recipe)
-        write_atomic(dataset.root / "provenance.json", json.dumps(provenance(device), indent=2, sort_keys=True).encode())
+        write_atomic(dataset.root / "provenance.json", json.dumps(provenance(device, recipe), indent=2, sort_keys=True).encode())
     records = [record for _, record in dataset.records(recipe)]
     refresh(dataset)
     rows = [row for record in records for row in record.attempts]
@@ -62,8 +68,8 @@ def build(root: Path, recipe: Recipe, executor: str, workers: int, quiet: bool =
     )
 
 
-def provenance(renderer: str) -> dict[str, Any]:
-    """What made the dataset: hashes of code and assets, package versions, Python, renderer and processor. No clock."""
+def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
+    """What made the dataset: hashes of code, assets and vendor meshes, package versions, Python, renderer, processor. No clock."""
     packages = {}
     for name in _PACKAGES:
         try:
@@ -73,6 +79,7 @@ def provenance(renderer: str) -> dict[str, Any]:
     return {
         "code_version": code_version(),
         "asset_version": asset_version(),
+        "robot_meshes": dict(recipe.robot_meshes),
         "packages": packages,
         "python": platform.python_version(),
         "platform": platform.platform(),

@@ -117,6 +117,11 @@ class Dataset:
         """Path of a slot's ledger entry."""
         return self.root / "ledger" / f"{slot.path}.json"
 
+    @property
+    def assets(self) -> Path:
+        """Vendor meshes that the recipe draws robots with, copied here (world/robots/mesh_store.py)."""
+        return self.root / "assets"
+
     def exports(self, name: str) -> Path:
         """Default place of an export."""
         return self.root / "exports" / name
@@ -181,6 +186,8 @@ def slot_key(recipe: Recipe, slot: Slot) -> str:
     """Hash of everything that decides a slot's episode: the recipe's parameters, the slot, and the code."""
     ignored = {"name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes"}
     parameters = recipe.model_dump(mode="json", exclude=ignored)
+    worn = set(slot.cell.embodiment.split("+"))
+    parameters["robot_meshes"] = {name: key for name, key in recipe.robot_meshes.items() if name in worn}
     text = json.dumps([parameters, slot.path, slot.cell.alpha, code_version()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 

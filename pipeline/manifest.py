@@ -70,6 +70,8 @@ class Recipe(BaseModel):
     lead: Annotated[float, Field(ge=0, le=10)] = 0.0
     speed_bound: Literal["average", "maximum"] = "average"
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
+    robot_meshes: Mapping[str, str] = Field(default_factory=dict)
+    """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot (mesh_store.py)."""
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", mode="before")
     @classmethod
@@ -91,6 +93,10 @@ class Recipe(BaseModel):
             )
         )
         return list(out)
+
+    def robots(self) -> list[str]:
+        """The single robots of the embodiments, sorted: both of a mixed pair."""
+        return sorted({name for embodiment in self.embodiments for name in embodiment.split("+")})
 
     def wanted(self, cell: Cell) -> int:
         """Episodes wanted of a cell."""
@@ -118,7 +124,7 @@ class Recipe(BaseModel):
 def recipe_from(values: Mapping[str, Any], source: str = "recipe") -> Recipe:
     """A checked recipe: embodiment aliases resolved, `tasks: all` or none expanded. Raises RecipeError in one line."""
     from pipeline.tasks import TASKS
-    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
+    from pipeline.world.robots import UnknownEmbodiment, canonical_name, get_embodiment
 
     try:
         recipe = Recipe.model_validate(dict(values))
@@ -134,9 +140,12 @@ def recipe_from(values: Mapping[str, Any], source: str = "recipe") -> Recipe:
             raise RecipeError(f"{source}: no task {task!r}; `domino-data tasks` lists them: {', '.join(sorted(TASKS))}")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
+        meshes = {canonical_name(name): key for name, key in recipe.robot_meshes.items()}
     except UnknownEmbodiment as error:
         raise RecipeError(f"{source}: {error}") from error
-    return recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
+    recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
+    used = {name: meshes[name] for name in recipe.robots() if name in meshes}
+    return recipe.model_copy(update={"robot_meshes": used})
 
 
 def read_recipe(path: Path) -> dict[str, Any]:

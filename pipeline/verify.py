@@ -12,6 +12,7 @@ from pipeline.dataset import Dataset, file_hash
 from pipeline.episode import Episode, EpisodeError, EpisodeFile, decode
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.stage_set import set_stage
+from pipeline.world.robots.mesh_store import folder_of, mesh_hash
 
 TARGET_TOLERANCE = 1e-3
 MEETING_TOLERANCE = 1e-4
@@ -56,6 +57,9 @@ def verify(dataset: Dataset) -> dict[str, Any]:
     """Check every episode and export of a dataset. Returns {"ok", "checks": [...], "meeting": {task: medians}}."""
     recipe, v = dataset.recipe(), Verification()
     accepted: list[Path] = []
+    for model, key in recipe.robot_meshes.items():
+        same = mesh_hash(dataset.assets, model) == key
+        v["robot meshes"].see(same, f"{folder_of(dataset.assets, model)}: not the meshes that the recipe names")
     for slot in recipe.slots():
         record, path = dataset.record(slot), dataset.episode(slot)
         if record is None or not record.accepted:

@@ -104,6 +104,7 @@ for n in itertools.count():
         ("lead", 0.5),
         ("speed_bound", "maximum"),
         ("instructions", 99),
+        ("robot_meshes", {"aloha-agilex": "abcd"}),
     ],
 )
 def test_a_key_changes_with_every_parameter_of_an_episode(key, value):
@@ -120,6 +121,7 @@ def test_a_key_changes_with_every_parameter_of_an_episode(key, value):
         ("domains", ("clean", "randomized")),
         ("alpha", (0.1, 0.2)),
         ("episodes", 7),
+        ("robot_meshes", {"piper": "abcd"}),
     ],
 )
 def test_a_key_does_not_change_with_what_else_the_recipe_wants(key, value):

@@ -29,6 +29,8 @@ def annotate(
     as_json: AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
+    from functools import partial
+
     from pipeline.annotate.flow import Colour, Farneback
     from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
     from pipeline.annotate.runner import annotate as run
@@ -57,7 +59,7 @@ def annotate(
         workers=count,
         executor=name,
         progress=not as_json,
-        render=rerender,
+        render=partial(rerender, assets=Dataset(dataset).assets),
         device=device,
     )
     if not dry_run:

@@ -9,6 +9,7 @@ import typer
 from pipeline.commands.common import (
     Alpha,
     AsJson,
+    Assets,
     Attempts,
     Domains,
     Embodiment,
@@ -39,6 +40,7 @@ def build(
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
+    assets: Assets = None,
     executor: Executor = "auto",
     workers: Workers = None,
     out: Annotated[Path, typer.Option(help="The dataset directory; the same command again goes on where it stopped.")] = Path(
@@ -50,11 +52,11 @@ def build(
     """Make a dataset, or go on making it."""
     from pipeline.build import build as run_build
 
-    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render)
+    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render, assets)
     name, count = executor_of(executor, workers)
     stop_on_signal()
     try:
-        result = run_build(out, recipe, name, count, quiet)
+        result = run_build(out, recipe, name, count, quiet, assets)
     except Stopped:
         print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
@@ -77,6 +79,7 @@ def plan(
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
+    assets: Assets = None,
     workers: Workers = None,
     out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
     as_json: AsJson = False,
@@ -84,7 +87,7 @@ def plan(
     """Say what `build` would make, how long it takes and how big it gets. Writes nothing."""
     from pipeline.plan import plan as run_plan
 
-    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render)
+    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render, assets)
     _, count = executor_of("ray", workers)
     values = run_plan(recipe, Dataset(out) if out else None, count)
     lines = [

@@ -44,6 +44,9 @@ Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.")]
 Attempts = Annotated[int | None, typer.Option(help="Seeds tried for one slot before it is given up.")]
 Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.")]
+Assets = Annotated[
+    Path | None, typer.Option(help="Draw robots with the vendor meshes kept here (`assets add-robot-meshes`), where there are any.")
+]
 Executor = Annotated[str, typer.Option(help="inline, ray or auto.")]
 Workers = Annotated[int | None, typer.Option(help="Worker processes; all cores by default.")]
 
@@ -59,6 +62,7 @@ def recipe_of(
     seed: int | None,
     attempts: int | None = None,
     render: str | None = None,
+    assets: Path | None = None,
 ) -> Recipe:
     values = read_recipe(manifest) if manifest else {}
     given = {
@@ -73,7 +77,12 @@ def recipe_of(
         "render": render,
     }
     source = str(manifest) if manifest else "options"
-    return recipe_from(values | {key: value for key, value in given.items() if value is not None}, source)
+    recipe = recipe_from(values | {key: value for key, value in given.items() if value is not None}, source)
+    if assets is None or recipe.robot_meshes:
+        return recipe
+    from pipeline.world.robots.mesh_store import stored_meshes
+
+    return recipe.model_copy(update={"robot_meshes": stored_meshes(assets, recipe.robots())})
 
 
 def executor_of(name: str, workers: int | None) -> tuple[str, int]:

@@ -11,7 +11,9 @@ from pipeline.episode import EpisodeError, EpisodeFile, View
 from pipeline.stages.stage_set import Stage, set_stage
 from pipeline.world.cameras import CAMERA_TYPES, cameras_of
 from pipeline.world.renderer import Renderer
-from pipeline.world.robots.contract import SIDES
+from pipeline.world.robots.contract import SIDES, Embodiment
+from pipeline.world.robots.mesh_store import with_vendor_meshes
+from pipeline.world.robots.vendor_urdf import VendorMeshError
 from pipeline.world.state_log import StateLog
 from pipeline.world.visuals import Visuals, draw_visuals
 
@@ -22,14 +24,24 @@ def visuals_of(stage: Stage) -> Visuals:
 
 
 def renderer(
-    stage: Stage, *, camera: str = "D435", preset: str = "raster", only: Sequence[str] | None = None, visuals: Visuals | None = None
+    stage: Stage,
+    *,
+    camera: str = "D435",
+    preset: str = "raster",
+    only: Sequence[str] | None = None,
+    visuals: Visuals | None = None,
+    robot: Embodiment | None = None,
 ) -> Renderer:
-    """The scene of an episode ready to be drawn from the head and wrist cameras, or from those named in `only`; close it after."""
+    """The scene of an episode ready to be drawn from the head and wrist cameras, or from those named in `only`; close it after.
+
+    `robot` is the embodiment of the stage in other clothes (mesh_store.with_vendor_meshes).
+    """
+    robot = robot or stage.embodiment
     bodies = {name: body.instance.shape().visual for name, body in stage.bodies.items()}
     for side in SIDES:
-        bodies |= {f"{side}_{link.name}": link.visual for link in stage.embodiment.arms[side].links}
-    cameras = [c for c in cameras_of(stage.embodiment, camera) if only is None or c.name in only]
-    return Renderer(bodies, stage.embodiment.furniture, cameras, visuals or visuals_of(stage), preset)
+        bodies |= {f"{side}_{link.name}": link.visual for link in robot.arms[side].links}
+    cameras = [c for c in cameras_of(robot, camera) if only is None or c.name in only]
+    return Renderer(bodies, robot.furniture, cameras, visuals or visuals_of(stage), preset)
 
 
 def body_poses(log: StateLog) -> dict[str, NDArray[np.float64]]:
@@ -47,16 +59,18 @@ def render(
     segmentation: bool = False,
     only: Sequence[str] | None = None,
     visuals: Visuals | None = None,
+    robot: Embodiment | None = None,
 ) -> list[View]:
-    """Pictures of every frame from the head and wrist cameras, or from those named in `only`."""
-    with renderer(stage, camera=camera, preset=preset, only=only, visuals=visuals) as drawing:
+    """Pictures of every frame from the head and wrist cameras, or from those named in `only`; see `renderer`."""
+    with renderer(stage, camera=camera, preset=preset, only=only, visuals=visuals, robot=robot) as drawing:
         return drawing.render(body_poses(log), depth=depth, segmentation=segmentation)
 
 
-def rerender(path: Path, camera: str) -> View:
+def rerender(path: Path, camera: str, assets: Path = Path("assets")) -> View:
     """One camera of a stored episode again, with depth and segmentation, from its state log and its own look.
 
-    Raises EpisodeError when the episode was made by another version of the code, whose scene this one may not rebuild.
+    `assets` holds the vendor meshes its robots were drawn with, if they were. Raises EpisodeError where it does not, and when the
+    episode was made by another version of the code, whose scene this one may not rebuild.
     """
     with EpisodeFile(path) as file:
         episode = file.read()
@@ -66,5 +80,9 @@ def rerender(path: Path, camera: str) -> View:
     size = next(name for name, kind in CAMERA_TYPES.items() if (kind.height, kind.width) == shape[:2])
     look = Visuals.from_json(episode.meta["visuals"])
     stage = set_stage(episode.spec)
-    views = render(stage, episode.log, camera=size, depth=True, segmentation=True, only=[camera], visuals=look)
+    try:
+        robot = with_vendor_meshes(stage.embodiment, assets, episode.meta["robot_meshes"])
+    except VendorMeshError as error:
+        raise EpisodeError(f"{path}: cannot be drawn again: {error}") from error
+    views = render(stage, episode.log, camera=size, depth=True, segmentation=True, only=[camera], visuals=look, robot=robot)
     return views[0]

@@ -21,6 +21,7 @@ from pipeline.stages.replay import Replay, replay
 from pipeline.stages.stage_set import Stage, set_stage
 from pipeline.stages.surroundings import table_drop
 from pipeline.tasks.language import instructions
+from pipeline.world.robots.mesh_store import with_vendor_meshes
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ def episode_of(rollout: Rollout, recipe: Recipe) -> Episode:
         "maximum_speed": rollout.motion.maximum_speed(),
         "visuals": visuals_of(stage).to_json(),
         "render": recipe.render,
+        "robot_meshes": {arm.model: key for arm in stage.embodiment.arms.values() if (key := recipe.robot_meshes.get(arm.model))},
         "code_version": code_version(),
     }
     return Episode(spec, rollout.replay.log, rollout.motion.to_json(), text, meta)
@@ -146,6 +148,7 @@ def fill_slot(job: SlotJob) -> SlotRecord:
                     preset=recipe.render,
                     depth=recipe.depth,
                     segmentation=recipe.segmentation,
+                    robot=with_vendor_meshes(rollout.stage.embodiment, dataset.assets, recipe.robot_meshes),
                 )
             with phases("encode"):
                 pictures = [encode(view) for view in views]

@@ -1,5 +1,6 @@
 """Is the spec of an arm sound? Every robot is checked when it is first used; what is wrong is said in one line."""
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
@@ -17,12 +18,14 @@ class RobotError(ValueError):
 
 def check_arm(name: str, side: str, arm: Arm) -> None:
     """Raise RobotError for the first thing that is wrong with an arm of robot `name`."""
-    for check in (_names, _tree, _drives, _frames, _numbers):
-        for problem in check(arm):
-            raise RobotError(f"robot {name!r}, {side} arm: {problem}")
+    checks = (_tree, _drives, _frames, _numbers)
+    for problem in itertools.chain(_names(name, arm), *(check(arm) for check in checks)):
+        raise RobotError(f"robot {name!r}, {side} arm: {problem}")
 
 
-def _names(arm: Arm) -> Iterator[str]:
+def _names(name: str, arm: Arm) -> Iterator[str]:
+    if arm.model != name:
+        yield f"its model is {arm.model!r}: use the name it is registered under"
     for what, names in (("link", [x.name for x in arm.links]), ("joint", [j.name for j in arm.joints])):
         if not names:
             yield f"it has no {what}s"

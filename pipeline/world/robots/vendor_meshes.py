@@ -1,13 +1,7 @@
-"""Optional vendor meshes: check that a vendor's URDF is the robot we simulate, then keep its visuals in an assets directory.
+"""Optional vendor meshes: check that a vendor's URDF is the robot we simulate, then keep its visuals (mesh_store.py)."""
 
-Physics never uses them: links, joints, masses and collision stay those of the spec; only `Link.visual` is replaced.
-"""
-
-import hashlib
-import json
-import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +11,12 @@ from numpy.typing import NDArray
 from pipeline.poses import compose, inverse, transform
 from pipeline.world.objects.surface import finish
 from pipeline.world.robots import MODELS, canonical_name
-from pipeline.world.robots.contract import Arm, Embodiment
+from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.forward import arm_limits, link_poses, root_link
+from pipeline.world.robots.mesh_store import save_visuals
 from pipeline.world.robots.parts import Visual
 from pipeline.world.robots.vendor_urdf import VendorMeshError, VendorRobot, VendorVisual, find_urdf, read_urdf
-from pipeline.world.shapes import Material, Mesh
+from pipeline.world.shapes import Material
 
 MAX_POSITION_ERROR = 0.005  # m: what a picture may be off
 MAX_ROTATION_ERROR = 0.02  # rad
@@ -76,15 +71,8 @@ def add_robot_meshes(name: str, directory: str | Path, assets_dir: str | Path) -
     kept = tuple(link.name for link in arm.links if link.visual and link.name not in visuals)
     triangles = {link: sum(len(mesh.triangles) for mesh, _ in parts) for link, parts in visuals.items()}
     report = MeshReport(name, robot.path.name, 1e3 * position, float(np.degrees(rotation)), triangles, kept)
-    _store(Path(assets_dir) / "robots" / name, visuals, report, robot.path)
+    save_visuals(Path(assets_dir), name, visuals, asdict(report), robot.path)
     return report
-
-
-def with_vendor_meshes(embodiment: Embodiment, assets_dir: str | Path) -> Embodiment:
-    """The embodiment with stored vendor visuals in place of ours, arm by arm; arms without stored meshes stay as they are."""
-    return replace(
-        embodiment, arms={side: _dressed(arm, Path(assets_dir) / "robots" / arm.model) for side, arm in embodiment.arms.items()}
-    )
 
 
 def match_links(arm: Arm, robot: VendorRobot) -> dict[str, str]:
@@ -118,9 +106,10 @@ def kinematic_difference(arm: Arm, robot: VendorRobot, match: dict[str, str]) ->
     """Largest difference (m, rad) of the matched link frames, seen from the root link, over fixed random arm configurations."""
     rng = np.random.default_rng(0)
     moving = [joint for joint in arm.joints if joint.name in arm.arm_joints]
-    unlike = [j.child for j in moving if robot.parent_joint[match[j.child]].kind != j.kind]
+    above = {j.child: robot.parent_joint.get(match[j.child]) for j in moving}
+    unlike = [j.child for j in moving if (joint := above[j.child]) is None or joint.kind != j.kind]
     if unlike:
-        raise VendorMeshError(f"{robot.path}: the joint above {', '.join(match[n] for n in unlike)} is no hinge")
+        raise VendorMeshError(f"{robot.path}: there is no hinge above {', '.join(match[n] for n in unlike)}")
     home = inverse(arm.base)
     lower, upper = arm_limits(arm).T
     q = rng.uniform(lower, upper, (CONFIGURATIONS, len(moving))).T
@@ -190,37 +179,3 @@ def _surface(visual: VendorVisual) -> tuple[NDArray[np.float64], NDArray[np.int6
     color = getattr(mesh.visual, "main_color", None)
     r, g, b = PLAIN if color is None else (np.asarray(color, float)[:3] / 255).tolist()
     return points, np.asarray(mesh.faces, np.int64), (r, g, b)
-
-
-def _store(folder: Path, visuals: dict[str, Visual], report: MeshReport, urdf: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    arrays: dict[str, np.ndarray] = {}
-    for link, parts in visuals.items():
-        for i, (mesh, material) in enumerate(parts):
-            arrays |= {f"{link}/{i}/{key}": getattr(mesh, key) for key in ("vertices", "triangles", "normals")}
-            arrays[f"{link}/{i}/color"] = np.array(material.color)
-    notes = asdict(report) | {"urdf_sha256": hashlib.sha256(urdf.read_bytes()).hexdigest()}
-    _write(folder / "visuals.npz", lambda path: np.savez_compressed(path, **arrays))  # pyright: ignore[reportArgumentType]
-    _write(folder / "report.json", lambda path: path.write_text(json.dumps(notes, indent=2, sort_keys=True) + "\n"))
-
-
-def _write(path: Path, save) -> None:
-    """Write beside and rename, so that a reader never sees half a file."""
-    beside = path.with_name(f".{os.getpid()}.{path.name}")
-    save(beside)
-    beside.replace(path)
-
-
-def _dressed(arm: Arm, folder: Path) -> Arm:
-    path = folder / "visuals.npz"
-    if not path.is_file():
-        return arm
-    parts: dict[str, list[tuple[Mesh, Material]]] = {}
-    with np.load(path) as arrays:
-        for key in (k for k in arrays.files if k.endswith("/color")):
-            stem = key.removesuffix("color")
-            mesh = Mesh(*(arrays[stem + k] for k in ("vertices", "triangles", "normals")))
-            r, g, b = arrays[key].tolist()
-            parts.setdefault(stem.split("/")[0], []).append((mesh, Material((r, g, b))))
-    links = tuple(replace(link, visual=tuple(parts[link.name])) if link.name in parts else link for link in arm.links)
-    return replace(arm, links=links)

@@ -61,7 +61,7 @@ def test_the_specs_that_exist_are_sound(name):
 def test_what_is_wrong_is_named_with_its_fix(what):
     arm, said = BROKEN[what]
     with pytest.raises(RobotError, match=said) as error:
-        check_arm("wobbly", "left", arm)
+        check_arm("wobbly", "left", replace(arm, model="wobbly"))
     assert str(error.value).startswith("robot 'wobbly', left arm: ") and "\n" not in str(error.value)
 
 
@@ -69,7 +69,7 @@ def test_what_is_wrong_is_named_with_its_fix(what):
 def wobbly():
     """A registered robot whose right arm lacks a link."""
     arms = {"left": PIPER, "right": without(MODELS["piper"].arm("right"), links="link4")}
-    register("wobbly", arms.__getitem__, MODELS["piper"].stand, aliases=("wob",))
+    register("wobbly", lambda side: replace(arms[side], model="wobbly"), MODELS["piper"].stand, aliases=("wob",))
     yield "wobbly"
     del MODELS["wobbly"], ALIASES["wob"]
 
@@ -87,7 +87,12 @@ def test_the_command_says_it_in_one_line(capsys, monkeypatch, tmp_path, wobbly, 
 
 
 def test_a_sound_side_may_be_paired_with_another_robot(wobbly):
-    assert get_embodiment("wobbly+piper").arms["left"] is PIPER
+    assert [arm.model for arm in get_embodiment("wobbly+piper").arms.values()] == ["wobbly", "piper"]
+
+
+def test_an_arm_carries_the_name_it_is_registered_under():
+    with pytest.raises(RobotError, match="its model is 'piper'"):
+        check_arm("wobbly", "left", PIPER)
 
 
 @pytest.mark.parametrize("names", [("piper",), ("new", "ur5"), ("New",), ("a+b",), ("",)])

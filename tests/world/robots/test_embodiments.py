@@ -25,7 +25,7 @@ def test_aliases_and_case():
 
 @pytest.mark.parametrize("name", ["pipper", "", "piper+", "piper+ur5+arx", "piper+nobody"])
 def test_unknown_names_say_what_exists(name):
-    with pytest.raises(UnknownEmbodiment, match=r"aloha-agilex, arx-x5, franka-panda, piper, ur5-wsg.*left\+right"):
+    with pytest.raises(UnknownEmbodiment, match=rf"choose {', '.join(EMBODIMENTS)} or a pair .*left\+right"):
         get_embodiment(name)
 
 

@@ -6,18 +6,25 @@ import pytest
 import trimesh
 
 from pipeline.world.robots import MODELS, get_embodiment
+from pipeline.world.robots.mesh_store import copy_meshes, find_meshes, mesh_hash, stored_meshes, with_vendor_meshes
 from pipeline.world.robots.urdf import arm_urdf
-from pipeline.world.robots.vendor_meshes import MAX_POSITION_ERROR, add_robot_meshes, thinned, with_vendor_meshes
+from pipeline.world.robots.vendor_meshes import MAX_POSITION_ERROR, add_robot_meshes, thinned
 from pipeline.world.robots.vendor_urdf import VendorMeshError
 
 
 def vendor_package(
-    folder: Path, model: str, prefix: str = "", bump: float = 0.0, mesh: str = "package://vendor/meshes/part.stl"
+    folder: Path,
+    model: str,
+    prefix: str = "",
+    bump: float = 0.0,
+    mesh: str = "package://vendor/meshes/part.stl",
+    radius: float = 50.0,
 ) -> Path:
-    """A vendor-like package: the spec's own URDF with a sphere as the visual of every link; `bump` (m) moves the third joint."""
+    """A vendor-like package: the spec's own URDF with a sphere of `radius` mm as the visual of every link; `bump` (m) moves the
+    third joint."""
     (folder / "meshes").mkdir(parents=True)
     (folder / "urdf").mkdir()
-    trimesh.creation.icosphere(subdivisions=4, radius=50.0).export(folder / "meshes" / "part.stl")
+    trimesh.creation.icosphere(subdivisions=4, radius=radius).export(folder / "meshes" / "part.stl")
     root = ET.fromstring(arm_urdf(MODELS[model].arm("left"), prefix))
     for link in root.findall("link"):
         visual = ET.SubElement(link, "visual")
@@ -39,7 +46,9 @@ def test_a_matching_robot_is_stored_and_used(tmp_path, model, prefix):
     assert report.position_error_mm < 1e-6 and report.rotation_error_deg < 1e-5
     assert report.kept == ()
     plain = get_embodiment(model)
-    dressed = with_vendor_meshes(plain, tmp_path / "assets")
+    wanted = stored_meshes(tmp_path / "assets", MODELS)
+    assert list(wanted) == [model]
+    dressed = with_vendor_meshes(plain, tmp_path / "assets", wanted)
     for before, after in zip(plain.arms["right"].links, dressed.arms["right"].links, strict=True):
         assert after.collision is before.collision and after.mass == before.mass
         ((mesh, material),) = after.visual
@@ -105,3 +114,29 @@ def test_thinning_keeps_the_shape_within_a_cell():
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.1, rtol=0.05)
     small = trimesh.Trimesh(points, faces, process=False)
     assert small.volume == pytest.approx(sphere.volume, rel=0.06)
+
+
+def test_stored_meshes_are_found_by_their_hash_and_copied(tmp_path):
+    first, second, dataset = tmp_path / "first", tmp_path / "second", tmp_path / "dataset" / "assets"
+    add_robot_meshes("piper", vendor_package(tmp_path / "a", "piper"), first)
+    add_robot_meshes("piper", vendor_package(tmp_path / "b", "piper", radius=40.0), second)
+    add_robot_meshes("piper", tmp_path / "a", tmp_path / "again")
+    assert mesh_hash(first, "piper") == mesh_hash(tmp_path / "again", "piper"), "the same meshes have the same hash"
+    wanted = stored_meshes(first, ["ur5-wsg", "piper"])
+    assert wanted == {"piper": mesh_hash(first, "piper")}
+    found = find_meshes(wanted, [dataset, second, first])
+    assert found == {"piper": first}, "the second directory holds others"
+    copy_meshes(found, dataset)
+    assert find_meshes(wanted, [dataset]) == {"piper": dataset}
+    assert sorted(p.name for p in (dataset / "robots" / "piper").iterdir()) == ["report.json", "visuals.npz"]
+
+
+def test_meshes_that_are_missing_or_others_are_named(tmp_path):
+    piper = get_embodiment("piper")
+    with pytest.raises(VendorMeshError, match=r"holds no meshes of piper, ur5-wsg: .*add-robot-meshes"):
+        stored_meshes(tmp_path, ["ur5-wsg", "piper"])
+    with pytest.raises(VendorMeshError, match=r"vendor meshes 0123 of piper are not in .*: give --assets DIR"):
+        with_vendor_meshes(piper, tmp_path, {"piper": "0123"})
+    assert with_vendor_meshes(piper, tmp_path, {}) is piper
+    # meshes of a robot that has no part in this embodiment are nobody's concern
+    assert with_vendor_meshes(piper, tmp_path, {"ur5-wsg": "0123"}) is piper
