@@ -36,8 +36,12 @@ def test_every_command_shown_parses(page, line):
         assert {w for w in words[1:] if "=" not in w} <= TARGETS, f"{page}: {line}"
     elif name == "domino-data":
         assert isinstance(CLI, click.Group | typer.core.TyperGroup)
-        command = CLI.commands[words[1]]
-        with command.make_context(words[1], words[2:]) as context:
+        verb, *rest = words[1:]
+        command = CLI.commands[verb]
+        while hasattr(command, "commands"):
+            verb, *rest = rest
+            command = command.commands[verb]
+        with command.make_context(verb, rest) as context:
             assert context.params
 
 

@@ -1,0 +1,200 @@
+"""Robots through the whole factory: a mixed pair, a sixth robot as the page shows it, vendor meshes, and bad input."""
+
+import importlib
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.dataset import Dataset
+from pipeline.episode import EpisodeError, open_episode
+from pipeline.stages.render import rerender
+from pipeline.world import robots
+from pipeline.world.robots import ALIASES, MODELS, get_embodiment, models
+from tests.test_build import command
+from tests.world.robots.test_vendor_meshes import vendor_package
+
+PAGE = Path(__file__).parent.parent / "docs" / "add_a_robot.md"
+TINY = ("--tasks", "click_bell", "--levels", "1", "--episodes", "1", "--render", "raster-fast", "--executor", "inline", "--quiet")
+
+
+@pytest.fixture
+def say(capsys, monkeypatch):
+    """Run the command in this process; what it printed, or its one line of complaint where it must leave with code 2."""
+
+    def run(*arguments, code=0):
+        left, out, err = command(capsys, monkeypatch, *arguments)
+        assert left == code, err
+        assert code != 2 or (out == "" and err.startswith("domino-data: ") and err.count("\n") == 1), err
+        return err if code == 2 else out
+
+    return run
+
+
+def only_episode(root: Path) -> Path:
+    (path,) = Dataset(root).episodes()
+    return path
+
+
+def test_a_mixed_pair_has_six_and_seven_joints(say, tmp_path):
+    out = tmp_path / "out"
+    assert json.loads(say("build", *TINY, "--embodiment", "piper+franka-panda", "--out", out, "--json"))["accepted"] == 1
+    with open_episode(only_episode(out)) as e:
+        assert e.spec.embodiment == "piper+franka-panda"
+        widths = {key: e.array(f"joint_action/{key}").reshape(len(e), -1).shape[1] for key in ("left_arm", "right_arm", "vector")}
+        assert widths == {"left_arm": 6, "right_arm": 7, "vector": 6 + 1 + 7 + 1}
+        names = e.read().log.vector_names
+        assert names[6] == "left_gripper" and names[-1] == "right_gripper" and names[7] == "right_panda_joint1"
+        assert e.array("joint_state/vector").shape == (len(e), 15)
+    assert json.loads(say("verify", out, "--json"))["ok"]
+
+
+# --- a sixth robot ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def enter(tmp_path, monkeypatch):
+    """Put a robot's source where the page says, as a new process would find it; its name."""
+    existing, folder = tuple(MODELS), tmp_path / "models"
+    folder.mkdir()
+    monkeypatch.setattr(models, "__path__", [*models.__path__, str(folder)])
+
+    def put(source: str) -> str:
+        (folder / "tube_arm.py").write_text(source)
+        robots._build.cache_clear()
+        models.discover()
+        (name,) = [n for n in MODELS if n not in existing]
+        return name
+
+    yield put
+    for name in [n for n in MODELS if n not in existing]:
+        for alias in MODELS.pop(name).aliases:
+            del ALIASES[alias]
+    sys.modules.pop(f"{models.__name__}.tube_arm", None)
+    importlib.invalidate_caches()
+
+
+@pytest.fixture
+def example():
+    """The worked example of docs/add_a_robot.md."""
+    page = PAGE.read_text()
+    assert "`pipeline/world/robots/models/tube_arm.py`" in page
+    (source,) = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    return source
+
+
+def test_the_mistake_of_the_page_is_one_line(say, enter, example, tmp_path):
+    name = enter(example.replace('hand="link6"', 'hand="tool0"'))
+    line = say("build", *TINY, "--embodiment", name, "--out", tmp_path / "out", code=2)
+    assert f"    {line}" in PAGE.read_text() and not (tmp_path / "out").exists()
+
+
+def test_the_robot_of_the_page_is_one_file_and_does_a_task(say, enter, example, tmp_path):
+    sixth = enter(example)
+    listed = {e["name"]: e for e in json.loads(say("embodiments", "--json"))}
+    assert list(listed)[-1] == sixth and listed[sixth]["dof"] == 14
+    out = tmp_path / "out"
+    build = ("build", *TINY, "--embodiment", listed[sixth]["aliases"][0], "--attempts", "3", "--out", out, "--json")
+    assert json.loads(say(*build))["accepted"] == 1
+    assert json.loads(say("verify", out, "--json"))["ok"]
+    assert only_episode(out).relative_to(out).parts[2] == sixth
+    # it pairs with the others
+    assert get_embodiment(f"{sixth}+ur5").arms["left"].model == sixth
+
+
+# --- vendor meshes ----------------------------------------------------------------------------------------------------------
+
+
+def test_vendor_meshes_change_the_pictures_and_nothing_else(say, tmp_path):
+    assets, plain, dressed = (tmp_path / name for name in ("assets", "plain", "dressed"))
+    package = vendor_package(tmp_path / "vendor", "piper")
+    assert "stored" in say("assets", "add-robot-meshes", "piper", package, "--assets", assets)
+    wanted = ("build", *TINY, "--embodiment", "piper", "--out")
+    say(*wanted, plain)
+    say(*wanted, dressed, "--assets", assets)
+    ours, theirs = only_episode(plain), only_episode(dressed)
+    with open_episode(ours) as a, open_episode(theirs) as b:
+        for key in ("state/poses", "state/qpos", "state/contacts", "joint_action/vector", "objects/bell/pose"):
+            assert a.array(key).tobytes() == b.array(key).tobytes(), key
+        plainly = a.rgb("left_camera", 0).astype(int)
+        assert np.abs(plainly - b.rgb("left_camera", 0)).mean() > 10
+        assert a.meta["robot_meshes"] == {} and list(b.meta["robot_meshes"]) == ["piper"]
+    # the recipe names the meshes by their hash, the dataset keeps them: it goes on, verifies and is drawn again without `assets`
+    key = Dataset(dressed).recipe().robot_meshes["piper"]
+    assert json.loads((dressed / "provenance.json").read_text())["robot_meshes"] == {"piper": key}
+    (assets / "robots" / "piper" / "visuals.npz").unlink()
+    before = theirs.read_bytes()
+    again = json.loads(say(*wanted, dressed, "--manifest", dressed / "manifest.yaml", "--json"))
+    assert (again["made"], theirs.read_bytes()) == (0, before)
+    theirs.unlink()
+    again = json.loads(say(*wanted, dressed, "--manifest", dressed / "manifest.yaml", "--json"))
+    assert (again["made"], theirs.read_bytes()) == (1, before)
+    view = rerender(theirs, "left_camera", Dataset(dressed).assets)
+    with open_episode(theirs) as e:
+        assert np.abs(e.rgb("left_camera", 0).astype(int) - view.rgb[0]).mean() < 5 < 30 < np.abs(plainly - view.rgb[0]).mean()
+    with pytest.raises(EpisodeError, match=r"cannot be drawn again: the vendor meshes \w+ of piper are not in"):
+        rerender(theirs, "left_camera", assets)
+    assert json.loads(say("verify", dressed, "--json"))["ok"]
+    (dressed / "assets" / "robots" / "piper" / "visuals.npz").write_bytes(b"other")
+    checks = json.loads(say("verify", dressed, "--json", code=1))["checks"]
+    assert [c["name"] for c in checks if not c["ok"]] == ["robot meshes"]
+
+
+def test_meshes_that_are_not_there_stop_a_build_before_it_writes(say, tmp_path):
+    (tmp_path / "assets").mkdir()
+    out = tmp_path / "out"
+    said = say("build", *TINY, "--embodiment", "piper", "--assets", tmp_path / "assets", "--out", out, code=2)
+    assert "holds no meshes of piper" in said and not out.exists()
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text("robot_meshes: {piper: abcd}\nembodiments: piper\n")
+    said = say("build", *TINY, "--manifest", recipe, "--out", out, code=2)
+    assert "meshes abcd of piper" in said and "--assets DIR" in said and not out.exists()
+    recipe.write_text("robot_meshes: {pipr: abcd}\n")
+    assert "pipr" in say("build", "--manifest", recipe, "--out", out, code=2)
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------------
+
+
+def broken(package: Path, old: str, new: str) -> Path:
+    """The package with a text in its URDF replaced, among the joints where it occurs there."""
+    path = package / "urdf" / "robot.urdf"
+    links, joints = path.read_text().split("<joint", 1)
+    assert old in links + joints
+    parts = (links, joints.replace(old, new, 1)) if old in joints else (links.replace(old, new, 1), joints)
+    path.write_text("<joint".join(parts))
+    return package
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('link="link3"', 'link="link33"', "joint 'joint3' names link 'link33', which the file does not have"),
+        ('<link name="link3">', '<link name="elbow">', "names link 'link3'"),
+        ("0.28358 ", "0.38358 ", "not the piper simulated here"),
+        ('xyz="0.28358 0.028726 0.0"', 'xyz="0.28358 here"', "'0.28358 here' is not three numbers"),
+        ('xyz="0.28358 0.028726 0.0"', 'xyz="nan 0 0"', "'nan 0 0' is not finite"),
+        ('rgba="0.1 0.2 0.3 1"', 'rgba="blue"', "'blue'"),
+        ('<axis xyz="0.0 0.0 1.0" />', '<axis xyz="0 0 0" />', "joint 'joint1' has an axis of length 0"),
+        ("</robot>", "", "XML"),
+        ("part.stl", "gone.stl", "gone.stl"),
+        ('name="joint3" type="revolute"', 'name="joint3" type="fixed"', "no hinge"),
+        ('<child link="link2" />', '<child link="link5" />', "moves link 'link5', which joint 'joint2' moves already"),
+    ],
+)
+def test_an_inconsistent_vendor_urdf_is_one_line(say, tmp_path, old, new, said):
+    package = broken(vendor_package(tmp_path / "vendor", "piper"), old, new)
+    assets = tmp_path / "assets"
+    assert said in say("assets", "add-robot-meshes", "piper", package, "--assets", assets, code=2)
+    assert not assets.exists()
+
+
+@pytest.mark.parametrize("robot", ["r2d2", "piper+", "piper+r2d2"])
+def test_an_unknown_robot_is_one_line_everywhere(say, tmp_path, robot):
+    for verb in (("build", "--out", tmp_path / "out"), ("plan",), ("check-task", "click_bell")):
+        assert repr(robot) in say(*verb, "--embodiment", robot, code=2)
+    assert repr(robot) in say("assets", "add-robot-meshes", robot, tmp_path, code=2)
+    assert list(tmp_path.iterdir()) == []
