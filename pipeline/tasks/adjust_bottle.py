@@ -12,7 +12,7 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
-CLEARANCES = (0.05, 0.10, 0.15)
+CLEARANCES = (0.05, 0.10, 0.15, 0.22)
 """Metres between the table and the foot of the bottle when it is held up: thick wrists need more."""
 
 

@@ -1,12 +1,13 @@
 """scan_object: catch a moving box and hold it in front of a scanner in the other hand."""
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, grasp, lift, upright_goal
-from pipeline.poses import Pose, inverse, transform, yawed
+from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
@@ -63,15 +64,15 @@ class ScanObject(Task):
         )
 
     def _scans(self, a: Actor) -> np.ndarray:
-        """Poses (N,7) of the upright scanner with the middle of the box in front of its window, from many sides."""
+        """Poses (N,7) of the scanner, upright or nearly so, with the middle of the box in front of its window, from many sides."""
         middle, window = self._middle(a.pose("box"), a.bodies), a.frames("scanner")["window"]
         s = 1 if a.arms["scan_arm"] == "right" else -1
         found = []
-        for turn in (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0):
+        for tilt, turn in product((0.0, 0.35, -0.35), (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0)):
             heading = np.arctan2(0.0, -s) - s * turn  # from the scanner's side towards the box, or from nearer to the robot
-            ahead = np.array([np.cos(heading), np.sin(heading), 0])
-            stand = yawed((0, 0, 0), heading + np.pi / 2)  # the window looks along -y of the scanner
-            found.append(yawed(middle - FROM_CENTRE * ahead - transform(stand, window[:3]), heading + np.pi / 2))
+            stands = quat_multiply(quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt))
+            ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
+            found.append(pose(middle - FROM_CENTRE * ahead - quat_rotate(stands, window[:3]), stands))
         return np.stack(found)
 
     def _middle(self, box: Pose, bodies: dict[str, Body]) -> np.ndarray:

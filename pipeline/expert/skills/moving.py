@@ -9,6 +9,7 @@ from pipeline.expert.actor import Actor, Beat, Skill
 from pipeline.expert.failure import PlanFailure
 from pipeline.expert.grasping import backed_off, hand_poses, lifted
 from pipeline.expert.planner import Leg
+from pipeline.poses import Pose
 
 
 def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
@@ -97,10 +98,21 @@ def retreat(side: str, distance: float, *, speed: float = 0.3) -> Skill:
 
 
 def home(side: str) -> Skill:
-    """Return the arm to its home joints."""
+    """Return the arm to its home joints, a little step off first where it stands too near to something."""
 
     def act(a: Actor) -> Iterator[Beat]:
         free = a.planner.checker(a, side)
+        if not free(a.q(side)):
+            lines = (a.planner.line(side, a.q(side), goal) for goal in _steps_off(a.tcp(side)))
+            off = next((line for line in lines if line is not None and free(line[-1])), None)
+            if off is not None:
+                yield {side: a.planner.timed(side, off, a.gripper(side))}
         yield {side: a.planner.free_leg(a, side, a.planner.home(side), free)}
 
     return act
+
+
+def _steps_off(tcp: Pose) -> list[Pose]:
+    """Hand poses a little back, above and beside, the nearest first."""
+    ways = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
+    return [p for d in (0.01, 0.02, 0.04) for p in (backed_off(tcp, d), *(tcp + d * np.array([*way, 0, 0, 0, 0]) for way in ways))]
