@@ -26,14 +26,14 @@ def _skin(colour: str, texture: int) -> Material:
 @register("drawer")
 @dataclass(frozen=True)
 class Drawer(Family):
-    """An open box with a front board and a bar handle, both towards -y; origin under the middle of the box."""
+    """An open box with a front board and an upright bar handle, both towards -y; origin under the middle of the box."""
 
     hx: float  # of the box
     hy: float
     height: float
     front_hx: float
     front_height: float
-    bar: float  # half length of the handle
+    bar: float  # half length of the handle, upright
     colour: str
     handle_colour: str
     seed: int
@@ -44,8 +44,8 @@ class Drawer(Family):
 
     @property
     def handle_at(self) -> tuple[float, float, float]:
-        """Middle of the handle bar: 3.6 cm before the front, so that fingertips find room behind it."""
-        return (0.0, -self.hy - BOARD - 0.036, self.front_height / 2)
+        """Middle of the handle bar: 4 cm before the front, so that fingertips find room on either side of it."""
+        return (0.0, -self.hy - BOARD - 0.040, self.front_height / 2)
 
     def shape(self) -> Shape:
         _, y, z = self.handle_at
@@ -58,7 +58,7 @@ class Drawer(Family):
             at(box(0.003, self.hy, h / 2), (0.003 - self.hx, 0, h / 2)),
             at(box(self.hx, 0.003, h / 2), (0, self.hy - 0.003, h / 2)),
         ]
-        ends = [np.array([side * self.bar, y, z]) for side in (-1, 1)]
+        ends = [np.array([0, y, z + side * self.bar]) for side in (-1, 1)]
         root = np.array([0, -self.hy - BOARD - y, 0])
         bar = sweep([ends[0] + root, ends[0], ends[1], ends[1] + root], 0.006, 8)
         return Shape(
@@ -71,7 +71,7 @@ class Drawer(Family):
                 *(c for e in ends for c in capsule_between(e, e + root, 0.006)),
             ),
             mass=0.6,
-            friction=0.4,
+            friction=0.8,
         )
 
     def frames(self) -> Frames:
@@ -85,14 +85,12 @@ class Drawer(Family):
         }
         _, y, z = self.handle_at
         grips = [
-            g for dx in (-0.02, 0.0, 0.02) for g in handle_pinches((dx, y, z), (1, 0, 0), (0, -1, 0), 0.012, (-30, -15, 0, 15, 30))
-        ]
-        tilted = [
             g
-            for t in (0.3, 0.6, 0.9)
-            for g in handle_pinches((0, y, z), (1, 0, 0), (0, -np.cos(t), np.sin(t)), 0.012, (-20, 0, 20))
+            for dz in (-0.01, 0.005, 0.02)
+            for turn in (0.0, 0.2, -0.2)
+            for g in handle_pinches((0, y, z + dz), (0, 0, 1), (np.sin(turn), -np.cos(turn), 0), 0.012, (0, -15, -30, -45, -60))
         ]
-        return Frames(points, (*grips, *tilted))
+        return Frames(points, tuple(grips))
 
     def words(self) -> Words:
         return describe(
@@ -124,7 +122,7 @@ class Cabinet(Family):
             rng.uniform(0.10, 0.12),
             rng.uniform(0.09, 0.11),
             rng.uniform(0.03, 0.08),
-            rng.uniform(0.04, 0.06),
+            rng.uniform(0.030, 0.036),
             colour,
             pick(rng, (colour, *tones)),
             pick(rng, ("silver", "gold", "charcoal")),
