@@ -99,7 +99,7 @@ class DumpBinBigbin(Task):
 
     def _ends(self, a: Actor) -> list[list[np.ndarray]]:
         """Some poses to pour from and some to pour to, for the choice of a grasp."""
-        return [list(self._over(a)[::5]), list(self._tipped(a, slice(1), (2.2,)))]
+        return [list(self._over(a)[::5]), list(self._tipped(a, slice(1), (2.2,))[::2])]
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         low, high = o.bodies["big_bin"].instance.shape().aabb()
