@@ -13,6 +13,10 @@ from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
 
+DROP = 0.055
+"""Height (m) over the floor of the basket at which the object is let go: a slanting hand cannot go below the rim."""
+
+
 @register
 class PlaceObjectBasket(Task):
     """Catch a moving deck of cards or toy car, put it in the basket, and lift the basket by its handle with the other arm.
@@ -40,12 +44,12 @@ class PlaceObjectBasket(Task):
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
         goals = resting_poses(a.frames("object")["base"], a.frame("basket", arm), self._along(a))
-        yield grasp(arm, "object", goals=[[lifted(g, 0.03) for g in goals]])
+        yield grasp(arm, "object", goals=[[lifted(g, DROP) for g in goals]], pitch=1.2)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, lifter = a.arms["arm"], a.arms["lifter"]
         yield lift(arm, 0.15)
-        yield place(arm, "base", a.frame("basket", arm), yaws=self._along(a), above=0.11, press=-0.03, opening=0.025)
+        yield place(arm, "base", a.frame("basket", arm), yaws=self._along(a), above=0.13, press=-DROP, opening=0.025)
         yield open_(arm, by=0.025)
         yield lift(arm, 0.16)
         yield together(home(arm), grasp(lifter, "basket", kinds=("handle",)))
