@@ -12,7 +12,6 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
-
 DROP = 0.055
 """Height (m) over the floor of the basket at which the object is let go: a slanting hand cannot go below the rim."""
 
