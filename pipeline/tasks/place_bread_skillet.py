@@ -5,13 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, grasp, lift, open_, place
-from pipeline.poses import yawed
+from pipeline.expert.grasping import hand_poses, lifted
+from pipeline.expert.skills import ROUND, carry, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.poses import compose, yawed
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
 HELD_UP = 0.02
+ABOVE = 0.07
 
 
 @register
@@ -44,10 +46,10 @@ class PlaceBreadSkillet(Task):
         held = self._held(pan)
         yield grasp(pan, "skillet", goals=[list(held)])
         yield lift(pan, 0.06)
-        yield carry(pan, held)
-        yield place(arm, "base", a.frame("skillet", "centre"), yaws=ROUND, above=0.07)
+        yield carry(pan, self._within_reach(a, held))
+        yield place(arm, "base", a.frame("skillet", "centre"), yaws=ROUND, above=ABOVE)
         yield open_(arm)
-        yield lift(arm, 0.08)
+        yield retreat(arm, 0.08)
 
     def _held(self, pan: str) -> np.ndarray:
         """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the table."""
@@ -55,12 +57,34 @@ class PlaceBreadSkillet(Task):
         return np.stack(
             [
                 yawed((s * x, y, TABLE_TOP + z), s * turn)
-                for z in (0.07, 0.05)
-                for x in (0.06, 0.10, 0.14)
-                for y in (-0.05, -0.10, 0.0)
-                for turn in (0.0, 0.4, 0.8, -0.4)
+                for z in (0.08, 0.06)
+                for turn in (0.8, 1.2, 0.4, 0.0, -0.4)
+                for x in (0.10, 0.06, 0.14, 0.0)
+                for y in (0.0, -0.06, 0.06)
             ]
         )
+
+    def _within_reach(self, a: Actor, held: np.ndarray) -> np.ndarray:
+        """Those of the poses `held` (N,7) at which the other arm can come straight down to the pan beside the hand that holds it;
+        all of them where there are none."""
+        arm, pan = a.arms["arm"], a.arms["pan_arm"]
+        q, ok = a.planner.solve(a, pan, hand_poses(a, pan, held))
+        centre, base = a.frames("skillet")["centre"], a.frames("bread")["base"]
+        found = list[int]()
+        for i in np.flatnonzero(ok):
+            over = lifted(hand_poses(a, arm, resting_poses(base, compose(held[i], centre), ROUND)), ABOVE)
+            at, reached = a.planner.solve(a, arm, over)
+            a.expected[pan] = q[i]
+            free, apart = a.planner.checker(a, arm), a.planner.checker(a, arm, [("bread", "skillet"), (arm, "skillet")])
+            for k in np.flatnonzero(reached):
+                line = a.planner.line(arm, at[k], lifted(over[k], -ABOVE)) if free(at[k]) else None
+                if line is not None and apart(line):
+                    found.append(i)
+                    break
+            a.expected.clear()
+            if len(found) == 4:
+                break
+        return held[found] if found else held
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         d = abs(o.offset(o.frame("bread", "base"), o.frame("skillet", "centre")))

@@ -17,6 +17,7 @@ from pipeline.world.shapes import Shape
 RADIUS = (0.07, 0.09)
 WALL = 0.004
 LEAN = 0.2  # rad the handle rises
+HALF_DEEP = 0.013  # m, half the height of the handle: fingers hold a deep one level
 
 
 @register("skillet")
@@ -56,7 +57,7 @@ class Skillet(Family):
         outside = revolve([(0, 0), (foot, 0), (r, h), (r - WALL, h)], 32)
         inside = revolve([(r - WALL, h), (foot - WALL, WALL), (0, WALL)], 32)
         middle, turn = self.along(0.5), quat_about((1, 0, 0), -LEAN)
-        grip = at(box(self.grip, 0.36 * self.handle, 0.009, 0.004), self.along(0.64), turn)
+        grip = at(box(self.grip, 0.36 * self.handle, HALF_DEEP, 0.004), self.along(0.64), turn)
         neck = at(box(0.55 * self.grip, 0.2 * self.handle, 0.004), self.along(0.18), turn)
         cover = wood(self.handle_colour) if self.handle_material == "wood" else plastic(self.handle_colour)
         return Shape(
@@ -64,23 +65,23 @@ class Skillet(Family):
             collision=(
                 *disc(foot, WALL),
                 *ring_of_boxes(foot, WALL, h, 16, top=r),
-                *(replace(c, weight=0.9) for c in box_collider(self.grip, 0.5 * self.handle, 0.009, middle, turn)),
+                *(replace(c, weight=0.9) for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)),
             ),
-            mass=0.2 * (r / 0.08) ** 2,
-            friction=0.7,
+            mass=0.06 * (r / 0.08) ** 2,
+            friction=0.9,
         )
 
     def frames(self) -> Frames:
         floor, axis = mark(0, 0, WALL), self.along(1) - self.along(0)
         grips = [
             g
-            for share in (0.42, 0.56, 0.7, 0.85)
-            for g in handle_pinches(self.along(share), axis, (0, 0, 1), 2 * self.grip, (-60, -45, -30, -15, 0))
+            for share in (0.4, 0.5, 0.62)
+            for g in handle_pinches(self.along(share), axis, (0, 0, 1), 2 * self.grip, (-60, -45, -30, -15))
         ]
         return Frames(
             {
                 "base": mark(0, 0, 0),
-                "top": mark(*self.along(1)),
+                "top": mark(*np.add(self.along(1), (0, 0, HALF_DEEP))),
                 "inside": floor,
                 "centre": floor,
                 "handle": mark(*self.along(0.68), heading=-axis),
