@@ -65,7 +65,7 @@ class Skillet(Family):
             collision=(
                 *disc(foot, WALL),
                 *ring_of_boxes(foot, WALL, h, 16, top=r),
-                *(replace(c, weight=0.9) for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)),
+                *(replace(c, weight=0.6) for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)),
             ),
             mass=0.06 * (r / 0.08) ** 2,
             friction=0.9,
