@@ -138,6 +138,7 @@ def main() -> None:
     parser.add_argument("--alpha", default="0.1")
     parser.add_argument("--domains", default="clean")
     parser.add_argument("--seeds", type=int, default=5, help="attempts per task, robot, level, alpha and domain")
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
     parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
@@ -148,7 +149,9 @@ def main() -> None:
     levels, speeds = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
     specs = [
         EpisodeSpec(task, robot, level, alpha, domain, 0, seed)
-        for task, robot, level, alpha, domain, seed in itertools.product(tasks, robots, levels, speeds, domains, range(args.seeds))
+        for task, robot, level, alpha, domain, seed in itertools.product(
+            tasks, robots, levels, speeds, domains, range(args.first_seed, args.first_seed + args.seeds)
+        )
     ]
     tries = run(specs, args.workers)
     what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {args.domains}"

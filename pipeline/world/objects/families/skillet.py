@@ -67,7 +67,7 @@ class Skillet(Family):
                 *ring_of_boxes(foot, WALL, h, 16, top=r),
                 *(replace(c, weight=0.6) for c in box_collider(self.grip, 0.5 * self.handle, HALF_DEEP, middle, turn)),
             ),
-            mass=0.06 * (r / 0.08) ** 2,
+            mass=0.06 * (r / 0.08) ** 2,  # a toy's weight: a real pan turns about the jaws' axis in a pinch of its handle
             friction=0.9,
         )
 
