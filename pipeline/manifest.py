@@ -100,7 +100,9 @@ class Recipe(BaseModel):
 
     def wanted(self, cell: Cell) -> int:
         """Episodes wanted of a cell."""
-        return self.episodes if isinstance(self.episodes, int) else self.episodes.get(cell.domain, 0)  # type: ignore[call-overload]
+        if isinstance(self.episodes, int):
+            return self.episodes
+        return next((count for domain, count in self.episodes.items() if domain == cell.domain), 0)
 
     def slots(self) -> Iterator[Slot]:
         """Every wanted episode: all cells' first slots, then all second ones, so that an interrupted build is already balanced."""

@@ -4,6 +4,7 @@ The sentences that ask for a task are in phrases/<name>.txt beside this module: 
 line "unseen", at least 10 more.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -72,7 +73,7 @@ class Draw:
         return float(self._placement.uniform(low, high))
 
 
-class Task:
+class Task(ABC):
     """Base of the tasks: class attributes and four methods. A task keeps no state: everything it needs comes as an argument.
 
     `target` is the body that moves on its own until the meeting; `manipulated` the one the arms handle (the same in interception
@@ -89,25 +90,25 @@ class Task:
     seen: ClassVar[tuple[str, ...]]
     unseen: ClassVar[tuple[str, ...]]
 
+    @abstractmethod
     def layout(self, draw: Draw) -> Iterator[Placement]:
         """The bodies of the scene, in the order they are placed. The target stands at its manipulation pose."""
-        raise NotImplementedError
 
+    @abstractmethod
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         """Roles of the arms, decided from the manipulation poses."""
-        raise NotImplementedError
 
+    @abstractmethod
     def meet(self, a: Actor) -> Iterator[Skill]:
         """Planned once in the still scene; the meeting is the first touch of the target, inside its last skill."""
-        raise NotImplementedError
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         """Planned live from wherever things are after the meeting."""
         yield from ()
 
+    @abstractmethod
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         """Whether the episode did what the task asks; the same for data, verification and evaluation."""
-        raise NotImplementedError
 
 
 TASKS: dict[str, Task] = {}
@@ -116,7 +117,7 @@ TASKS: dict[str, Task] = {}
 def register[T: type[Task]](cls: T) -> T:
     """Class decorator: enter a task under its name in snake case, with its templates.
 
-    Raises ValueError for a name that is taken and for templates that are missing or malformed.
+    Raises ValueError for a name that is taken and for templates that are missing or malformed, TypeError for a missing method.
     """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     if name in TASKS:

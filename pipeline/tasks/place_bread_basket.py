@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses
+from pipeline.expert.scripts import set_down_on
+from pipeline.expert.skills import ROUND, lift, open_
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
@@ -34,11 +35,7 @@ class PlaceBreadBasket(Task):
         return {"arm": side_of(bodies["bread"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, inside = a.arms["arm"], a.frame("basket", "inside")
-        goals = resting_poses(a.frames("bread")["base"], inside, ROUND)
-        yield grasp(arm, "bread", goals=[list(goals)])
-        yield lift(arm, 0.12)
-        yield place(arm, "base", inside, yaws=ROUND, above=0.08, opening=0.02)
+        return set_down_on(a, a.arms["arm"], "bread", a.frame("basket", "inside"), ROUND, up=0.12, above=0.08, opening=0.02)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield open_(a.arms["arm"], by=0.02)

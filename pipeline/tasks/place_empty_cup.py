@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -30,15 +31,10 @@ class PlaceEmptyCup(Task):
         return {"arm": side_of(bodies["cup"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, centre = a.arms["arm"], a.frame("coaster", "centre")
-        goals = resting_poses(a.frames("cup")["base"], centre, ROUND)
-        yield grasp(arm, "cup", goals=[list(goals)])
-        yield lift(arm, 0.10)
-        yield place(arm, "base", centre, yaws=ROUND)
+        return set_down_on(a, a.arms["arm"], "cup", a.frame("coaster", "centre"), ROUND)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         x, y, z = o.offset(o.frame("cup", "base"), o.frame("coaster", "centre"))

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import grasp, lift, place, resting_poses
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -40,8 +41,7 @@ class PlaceFan(Task):
         yield place(arm, "base", centre, above=0.05)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         base, centre = o.frame("fan", "base"), o.frame("pad", "centre")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -36,15 +36,10 @@ class PlaceMousePad(Task):
         return {"arm": side_of(bodies["mouse"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, centre = a.arms["arm"], a.frame("pad", "centre")
-        goals = resting_poses(a.frames("mouse")["base"], centre, EITHER_WAY)
-        yield grasp(arm, "mouse", goals=[list(goals)])
-        yield lift(arm, 0.10)
-        yield place(arm, "base", centre, yaws=EITHER_WAY)
+        return set_down_on(a, a.arms["arm"], "mouse", a.frame("pad", "centre"), EITHER_WAY)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         base, centre = o.frame("mouse", "base"), o.frame("pad", "centre")

@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import OPEN, Outcome
 from pipeline.world.body import Body
@@ -31,15 +32,10 @@ class PlaceObjectScale(Task):
         return {"arm": side_of(bodies["object"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, centre = a.arms["arm"], a.frame("scale", "centre")
-        goals = resting_poses(a.frames("object")["base"], centre, ROUND)
-        yield grasp(arm, "object", goals=[list(goals)])
-        yield lift(arm, 0.10)
-        yield place(arm, "base", centre, yaws=ROUND)
+        return set_down_on(a, a.arms["arm"], "object", a.frame("scale", "centre"), ROUND)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         x, y, z = o.offset(o.frame("object", "base"), o.frame("scale", "centre"))

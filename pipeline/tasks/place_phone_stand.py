@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -30,15 +30,10 @@ class PlacePhoneStand(Task):
         return {"arm": side_of(bodies["phone"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, seat = a.arms["arm"], a.frame("stand", "seat")
-        goals = resting_poses(a.frames("phone")["foot"], seat, (0.0,))
-        yield grasp(arm, "phone", goals=[list(goals)])
-        yield lift(arm, 0.10)
-        yield place(arm, "foot", seat)
+        return set_down_on(a, a.arms["arm"], "phone", a.frame("stand", "seat"), point="foot")
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         d = abs(o.offset(o.frame("phone", "foot"), o.frame("stand", "seat")))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.poses import compose, inverse, yawed
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
@@ -39,14 +39,10 @@ class PlaceShoe(Task):
         return {"arm": side_of(bodies["shoe"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, goal = a.arms["arm"], compose(a.frame("mat", "centre"), TO_THE_LEFT)
-        yield grasp(arm, "shoe", goals=[list(resting_poses(a.frames("shoe")["base"], goal, (0.0,)))])
-        yield lift(arm, 0.10)
-        yield place(arm, "base", goal)
+        return set_down_on(a, a.arms["arm"], "shoe", compose(a.frame("mat", "centre"), TO_THE_LEFT))
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         x, y, z, w, _, _, s = compose(inverse(compose(o.frame("mat", "centre"), TO_THE_LEFT)), o.frame("shoe", "base"))

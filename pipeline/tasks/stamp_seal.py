@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -32,15 +33,10 @@ class StampSeal(Task):
         return {"arm": side_of(bodies["stamp"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        arm, centre = a.arms["arm"], a.frame("pad", "centre")
-        goals = resting_poses(a.frames("stamp")["base"], centre, ROUND)
-        yield grasp(arm, "stamp", goals=[list(goals)])
-        yield lift(arm, 0.06)
-        yield place(arm, "base", centre, yaws=ROUND)
+        return set_down_on(a, a.arms["arm"], "stamp", a.frame("pad", "centre"), ROUND, up=0.06)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
-        yield open_(a.arms["arm"])
-        yield retreat(a.arms["arm"], 0.08)
+        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> bool:
         d = abs(o.offset(o.frame("stamp", "base"), o.frame("pad", "centre")))

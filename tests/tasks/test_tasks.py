@@ -16,6 +16,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.replay import replay
 from pipeline.stages.stage_set import set_stage
 from pipeline.tasks import INTERCEPTION, TASKS, TRACKING
+from pipeline.tasks.contract import Task, register
 from pipeline.tasks.language import check_templates, instructions
 from pipeline.world.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.objects import FAMILIES
@@ -232,3 +233,11 @@ def test_alpha_0_gives_the_same_log_as_level_0():
 def test_tasks_keep_no_state():
     for task in TASKS.values():
         assert not vars(task), f"{task.name} carries state from episode to episode"
+
+
+def test_a_task_without_a_success_condition_cannot_be_registered():
+    whole = type(TASKS["click_bell"])
+    parts = {n: getattr(whole, n) for n in ("category", "target", "seen", "unseen", "layout", "arms", "meet")}
+    with pytest.raises(TypeError, match="success"):
+        register(type("HalfATask", (Task,), parts))
+    assert "half_a_task" not in TASKS
