@@ -6,7 +6,7 @@ only motions whose first touch comes when the meeting is planned. That keeps a t
 
 from typing import TYPE_CHECKING
 
-import coal  # pyright: ignore[reportMissingImports]  (installed by pin's own path file)
+import coal  # pyright: ignore[reportMissingImports]  (on the path through cmeel's own path file)
 import numpy as np
 from numpy.typing import NDArray
 
