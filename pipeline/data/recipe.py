@@ -13,6 +13,7 @@ from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
 from pipeline.data.meta import NamedCamera
 from pipeline.data.names import CAMERAS, MOUNTED, is_embodiment, is_name
+from pipeline.data.rules import Contact, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 DEFAULT_ALPHA = 0.1
@@ -90,6 +91,9 @@ class Recipe(BaseModel):
     """Looks drawn of every physics episode."""
     lead: Annotated[float, Field(ge=0, le=10)] = 0.0
     speed_bound: Literal["average", "maximum"] = "average"
+    rules: RuleSet = "strict"
+    contact: Contact | None = None
+    """What the first touch does to the target of a tracking task, where it is not what the rules say."""
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
     robot_meshes: Mapping[str, str] = Field(default_factory=dict)
     """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot."""
@@ -134,6 +138,10 @@ class Recipe(BaseModel):
         if value > 1 and info.data.get("visuals", "randomized") != "randomized":
             raise ValueError("would all look the same: more than 1 needs visuals: randomized")
         return value
+
+    def ruling(self) -> Rules:
+        """The rules by which episodes are made and judged."""
+        return Rules(self.rules, self.contact)
 
     def cells(self) -> list[Cell]:
         """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""

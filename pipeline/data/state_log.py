@@ -12,10 +12,11 @@ CONTACT_DTYPE = np.dtype([("frame", "<i4"), ("a", "<i2"), ("b", "<i2"), ("impuls
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened: a name such as meeting, release, success, and its time in s."""
+    """Something that happened: a name such as meeting, release, success, its time in s, and the body that did it, if any."""
 
     name: str
     time: float
+    by: str = ""
 
 
 @dataclass(eq=False)
@@ -43,6 +44,11 @@ class StateLog:
         """Poses (T, 7) of one body."""
         return self.poses[:, self.bodies.index(body)]
 
+    def event(self, name: str) -> Event | None:
+        """The first event of that name, or None."""
+        return next((e for e in self.events if e.name == name), None)
+
     def time_of(self, event: str) -> float | None:
         """Time (s) of the first event of that name, or None."""
-        return next((e.time for e in self.events if e.name == event), None)
+        found = self.event(event)
+        return found.time if found else None

@@ -24,8 +24,8 @@ class Trial:
 
     The target follows `motion` as in generation until something touches it. The trial ends as a success when all success
     conditions of the task have held for HOLD_FRAMES control periods after the first touch (nothing succeeds by itself), as a
-    failure when the middle of the untouched target leaves the image of the head camera, and at the task's step limit, counted in
-    control periods of simulated time. Raises Failure("unstable") where the scene does not come to rest.
+    failure when the middle of a target that moves by itself leaves the image of the head camera, and at the task's step limit,
+    counted in control periods of simulated time. Raises Failure("unstable") where the scene does not come to rest.
     """
 
     def __init__(self, scene: Scene, motion: Motion, fps: int = DEFAULT_FPS) -> None:
@@ -93,9 +93,9 @@ class Trial:
 
     def _judge(self) -> None:
         simulation, task = self.simulation, self.scene.task
-        if simulation.released:
+        if simulation.touched_by:
             self._held = self._held + 1 if not failed(self.conditions()) else 0
-        else:
+        if not simulation.released:
             at = simulation.pose(task.target)[:3]
             self.left_workspace |= not bool(task.workspace.contains(at))
             if not visible(self._head.type, self._head.pose, at + self._middle):

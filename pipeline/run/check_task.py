@@ -89,7 +89,7 @@ def _episode(level: int, rollout: Rollout) -> Iterator[Finding]:
 def _conditions(level: int, rollout: Rollout) -> Iterator[Finding]:
     scene, log = rollout.scene, rollout.replay.log
     outcome = scene.outcome(log)
-    per_frame = [scene.task.success(outcome.until(frames), scene.arms) for frames in range(1, len(log) + 1)]
+    per_frame = [scene.task.conditions(outcome.until(frames), scene.arms) for frames in range(1, len(log) + 1)]
     at_start = failed(per_frame[0])
     yield Finding(f"level {level} start", bool(at_start), f"fails at the start: {', '.join(at_start) or 'nothing'}")
     names = list(per_frame[-1])

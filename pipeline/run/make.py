@@ -141,7 +141,7 @@ def renew(dataset: Dataset, recipe: Recipe, slot: Slot, state: SlotState, keys: 
     phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
-    scene = build_scene(old.spec)
+    scene = build_scene(old.spec, recipe.ruling())
     if state.todo == IMAGES:
         images = draw(dataset, scene, old.log, recipe, phases)
     meta = old.meta.model_copy(

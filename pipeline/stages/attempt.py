@@ -53,7 +53,7 @@ def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
     steps = 0
     try:
         with phases("scene"):
-            scene = build_scene(spec)
+            scene = build_scene(spec, recipe.ruling())
         with phases("dry_run"):
             dry = dry_run(scene, recipe.fps)
         steps = dry.steps

@@ -41,7 +41,7 @@ def dry_run(scene: Scene, fps: int) -> DryRun:
         last_began = 0.0
         for skill in task.meet(actor):
             last_began = actor.simulation.time
-            if actor.simulation.released:
+            if actor.simulation.touched_by:
                 raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
             actor.perform(skill)
         half = len(actor.stream.commands)

@@ -30,7 +30,7 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     with failing_as(STAGE, actor):
         for command, velocity in zip(dry.commands, dry.velocities, strict=True):
             actor.advance(command, velocity)
-        if not actor.simulation.released:
+        if not actor.simulation.touched_by:
             raise Failure(STAGE, "missed", f"nothing touched the {scene.task.target} at the meeting")
         actor.held = dict(dry.held)
         for skill in scene.task.finish(actor):

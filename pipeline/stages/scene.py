@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import StateLog
 from pipeline.expert.actor import Actor
 from pipeline.planning.failure import PlanFailure
 from pipeline.stages.failure import Failure
 from pipeline.stages.surroundings import clutter, embodiment_of, occluded
-from pipeline.tasks import TASKS, Task, lay_out
+from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.language import Wording
 from pipeline.tasks.outcome import Outcome, failed
 from pipeline.world.body import Body
@@ -38,10 +39,12 @@ class Scene:
     bodies: dict[str, Body]
     arms: dict[str, str]
     clutter: tuple[str, ...] = ()
+    rules: Rules = STRICT
 
     def start(self, motion: Motion, fps: int, purpose: str) -> Actor:
         """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies do not come to rest."""
-        simulation = Simulation(self.embodiment, tuple(self.bodies.values()), self.task.target, motion)
+        stops = self.rules.stops(self.task.category)
+        simulation = Simulation(self.embodiment, tuple(self.bodies.values()), self.task.target, motion, stops=stops)
         if not simulation.settle():
             raise Failure(purpose, "unstable", f"a body still moves, or touches {self.task.target}, before the start")
         return Actor(
@@ -61,7 +64,7 @@ class Scene:
 
     def outcome(self, log: StateLog) -> Outcome:
         """The log with the names and frames of this scene."""
-        return Outcome(log, self.bodies, self.embodiment, self.task.target)
+        return Outcome(log, self.bodies, self.embodiment, self.task.target, self.rules)
 
     def wording(self) -> Wording:
         """What the instructions are made from: the task's templates, the roles of the arms, the bodies without the distractors."""
@@ -79,15 +82,15 @@ class Scene:
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
         """The success conditions of the task at the end of the log, by name."""
-        return self.task.success(self.outcome(log), self.arms)
+        return self.task.conditions(self.outcome(log), self.arms)
 
     def succeeded(self, log: StateLog) -> bool:
         """Whether all success conditions of the task hold at the end of the log."""
         return not failed(self.conditions(log))
 
 
-def build_scene(spec: EpisodeSpec) -> Scene:
-    """Lay out the scene of a spec; a pure function of it. Raises Failure("layout") where the bodies do not fit."""
+def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
+    """Lay out the scene of a spec; a pure function of it and of the rules. Raises Failure("layout") where the bodies do not fit."""
     task = TASKS[spec.task]
     embodiment = embodiment_of(spec)
     head = cameras_of(embodiment)[0]
@@ -96,25 +99,26 @@ def build_scene(spec: EpisodeSpec) -> Scene:
         return bool(visible(head.type, head.pose, point, FRAME_MARGIN))
 
     try:
-        bodies = lay_out(task, spec.rng("objects"), spec.rng("placement"), in_view)
+        bodies = lay_out(task, Draw(spec.rng("objects"), spec.rng("placement"), rules), in_view)
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
     others = clutter(spec, bodies, embodiment)
-    return Scene(spec, task, embodiment, bodies | others, task.arms(bodies), tuple(others))
+    return Scene(spec, task, embodiment, bodies | others, task.arms(bodies), tuple(others), rules)
 
 
 def success_time(scene: Scene, log: StateLog) -> float | None:
     """Time (s) from which all success conditions hold until the end of the log, or None where one fails at the end."""
     outcome, since = scene.outcome(log), None
     for frames in range(len(log), 0, -1):
-        if failed(scene.task.success(outcome.until(frames), scene.arms)):
+        if failed(scene.task.conditions(outcome.until(frames), scene.arms)):
             break
         since = float(log.times[frames - 1])
     return since
 
 
 def rest(actor: Actor, task: Task, seconds: float = 0.4) -> None:
-    """Hold still at the end of a script so that what was let go can come to rest."""
+    """Hold still at the end of a script so that what was let go can come to rest; a target that still moves by itself stops."""
+    actor.simulation.release()
     actor.wait(seconds)
     actor.wait((-actor.simulation.steps % (PHYSICS_HZ // actor.recorder.fps)) / PHYSICS_HZ)
 

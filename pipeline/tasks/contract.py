@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from pipeline.data.meta import Category
+from pipeline.data.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.workspace import Workspace
 from pipeline.planning.failure import PlanFailure
@@ -59,8 +60,8 @@ class Placement:
 class Draw:
     """The random choices of a layout, each from its own stream."""
 
-    def __init__(self, objects: np.random.Generator, placement: np.random.Generator) -> None:
-        self._objects, self._placement = objects, placement
+    def __init__(self, objects: np.random.Generator, placement: np.random.Generator, rules: Rules = STRICT) -> None:
+        self._objects, self.placement, self.rules = objects, placement, rules
 
     def one_of(self, *families: str, **given: Any) -> Family:
         """An instance of one of the named families; `given` parameters are passed on to it instead of being drawn."""
@@ -69,11 +70,11 @@ class Draw:
 
     def side(self) -> int:
         """-1 (left half of the table) or +1 (right half)."""
-        return int(self._placement.integers(2)) * 2 - 1
+        return int(self.placement.integers(2)) * 2 - 1
 
     def uniform(self, low: float, high: float) -> float:
         """A number of the placement stream."""
-        return float(self._placement.uniform(low, high))
+        return float(self.placement.uniform(low, high))
 
 
 class Task(ABC):
@@ -121,6 +122,16 @@ class Task(ABC):
         serve data, verification and evaluation.
         """
 
+    def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        """What the rules ask for: the success conditions and, under strict rules in a tracking task whose target is not the body
+        that is handled, that this body was what touched the target first. A gripper that taps the target and then acts as on a
+        still one has not tracked it.
+        """
+        found = self.success(o, arms)
+        if o.rules.name == "strict" and self.category == TRACKING and self.manipulated != self.target:
+            found[f"met_by_{self.manipulated}"] = o.met_by() == self.manipulated
+        return found
+
 
 TASKS = Registry[Task]("task")
 
@@ -150,8 +161,7 @@ def side_of(body: Body) -> str:
 
 def lay_out(
     task: Task,
-    objects: np.random.Generator,
-    placement: np.random.Generator,
+    draw: Draw,
     in_view: Callable[[np.ndarray], bool] = lambda point: True,
     tries: int = 50,
 ) -> dict[str, Body]:
@@ -164,12 +174,12 @@ def lay_out(
     missing = ""
     for _ in range(tries):
         bodies: dict[str, Body] = {}
-        for p in task.layout(Draw(objects, placement)):
+        for p in task.layout(draw):
             if p.inside:
-                pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, placement))
+                pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
             else:
                 others = [b for b in bodies.values() if not b.inside]
-                pose = _free_pose(p, others, placement, in_view if p.name == task.target else None)
+                pose = _free_pose(p, others, draw.placement, in_view if p.name == task.target else None)
             if pose is None:
                 missing = p.name
                 break

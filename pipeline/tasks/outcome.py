@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.state_log import StateLog
 from pipeline.poses import Pose, angle_between, compose, quat_about, quat_multiply, quat_rotate
 from pipeline.world.body import Body
@@ -22,8 +23,10 @@ OPEN = 0.8
 class Outcome:
     """A state log with the names and frames of its scene. Questions are about its last frame unless they say otherwise."""
 
-    def __init__(self, log: StateLog, bodies: Mapping[str, Body], embodiment: Embodiment, target: str) -> None:
-        self.log, self.bodies, self.embodiment, self.target = log, bodies, embodiment, target
+    def __init__(
+        self, log: StateLog, bodies: Mapping[str, Body], embodiment: Embodiment, target: str, rules: Rules = STRICT
+    ) -> None:
+        self.log, self.bodies, self.embodiment, self.target, self.rules = log, bodies, embodiment, target, rules
         self._frames: dict[str, NamedFrames] = {}
 
     def until(self, frames: int) -> "Outcome":
@@ -44,7 +47,7 @@ class Outcome:
             contacts=log.contacts[log.contacts["frame"] < frames],
             events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
         )
-        return Outcome(cut, self.bodies, self.embodiment, self.target)
+        return Outcome(cut, self.bodies, self.embodiment, self.target, self.rules)
 
     # --- where things are -----------------------------------------------------------------------------------------------
 
@@ -85,8 +88,11 @@ class Outcome:
         return min(angle_between(a[3:], goal) for goal in goals)
 
     def at_rest(self, name: str, speed: float = 0.03) -> bool:
-        """Whether a body moved slower than `speed` m/s over the last three frames."""
+        """Whether a body moved slower than `speed` m/s over the last three frames: in the world, or relative to a target that is
+        still on its motion."""
         p, t = self.log.pose(name)[-4:, :3], self.log.times[-4:]
+        if self.log.event("release") is None and name != self.target:
+            p = p - self.log.pose(self.target)[-4:, :3]
         return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])
 
     # --- grippers -------------------------------------------------------------------------------------------------------
@@ -102,6 +108,13 @@ class Outcome:
     def grippers_open(self) -> bool:
         """Whether both grippers are measured open."""
         return all(self.gripper_open(side) for side in SIDES)
+
+    # --- the meeting ----------------------------------------------------------------------------------------------------
+
+    def met_by(self) -> str:
+        """The body or link that touched the target first, "" where nothing has."""
+        found = self.log.event("meeting")
+        return found.by if found else ""
 
     # --- contacts -------------------------------------------------------------------------------------------------------
 

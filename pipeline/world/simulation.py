@@ -54,13 +54,14 @@ class _Standing:
 class Simulation:
     """One scene. `step` advances 1/240 s under a command vector [left arm, left gripper, right arm, right gripper].
 
-    The target is kinematic on `motion` until the first impulse with a robot link or with a free body; from then on it is a dynamic
-    body that starts with the velocity it had. `events` then holds "meeting" and "release"; `touched_by` names what touched it,
-    `touched_at` the step.
+    The target is kinematic on `motion` until it is released: with `stops`, at the first impulse with a robot link or with a free
+    body, else when `release` is called. From then on it is a dynamic body that starts with the velocity it had. `events` then
+    holds "meeting" and "release"; `touched_by` names what touched it first, `touched_at` the step.
     """
 
-    def __init__(self, embodiment: Embodiment, bodies: Sequence[Body], target: str, motion: Motion) -> None:
+    def __init__(self, embodiment: Embodiment, bodies: Sequence[Body], target: str, motion: Motion, *, stops: bool = True) -> None:
         self.embodiment, self.bodies, self.target, self.motion = embodiment, tuple(bodies), target, motion
+        self._stops = stops
         self.steps, self.settle_steps, self.events = 0, 0, list[Event]()
         self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming_from, self._upcoming = 0, np.empty((0, 7))
@@ -131,7 +132,7 @@ class Simulation:
         self._scene.step()
         self.steps += 1
         self.command = command
-        if not self.released:
+        if not self.touched_by:
             self._watch()
 
     def _target_pose(self, step: int) -> Pose:
@@ -152,22 +153,29 @@ class Simulation:
             if n >= 12 and all(self.speed(name) < quiet for name in self._free):
                 break
         self.settle_steps, self.steps, self.motion, self._upcoming = self.steps, 0, motion, self._upcoming[:0]
-        return not self.released and all(self.speed(name) < quiet for name in self._free)
+        return not self.touched_by and all(self.speed(name) < quiet for name in self._free)
 
     def _watch(self) -> None:
-        target = self._moved
+        """Note the first touch. SAPIEN lists contacts in no fixed order: of several in one step, the first of `names` counts."""
+        target, found = self._moved, list[int]()
         for contact in self._scene.get_contacts():
             a, b = contact.bodies
             if a is not target and b is not target:
                 continue
             other = b if a is target else a
             if other in self._touchers and any(np.dot(p.impulse, p.impulse) > _TOUCH_IMPULSE**2 for p in contact.points):
-                self.events += [Event("meeting", self.time), Event("release", self.time)]
-                self.touched_by, self.touched_at = self.names[self._index[other]], self.steps
-                self._release()
-                return
+                found.append(self._index[other])
+        if found:
+            self.touched_by, self.touched_at = self.names[min(found)], self.steps
+            self.events.append(Event("meeting", self.time, self.touched_by))
+            if self._stops:
+                self.release()
 
-    def _release(self) -> None:
+    def release(self) -> None:
+        """End the target's own motion; nothing happens to one that was released before."""
+        if self.released:
+            return
+        self.events.append(Event("release", self.time))
         body = self._moved
         body.set_kinematic(False)
         body.set_linear_velocity(self.motion.velocity(self.time).astype(np.float32))

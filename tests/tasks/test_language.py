@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.tasks import TASKS, lay_out
+from pipeline.tasks import TASKS, Draw, lay_out
 from pipeline.tasks.language import Wording, check_templates, instructions, sentence, slots
 from pipeline.world.objects.contract import Words
 
@@ -140,7 +140,7 @@ def test_sentences():
 def test_the_templates_of_every_task(name):
     task = TASKS[name]
     rng = np.random.default_rng(0)
-    bodies = lay_out(task, rng, rng)
+    bodies = lay_out(task, Draw(rng, rng))
     arms = task.arms(bodies)
     check_templates(task.seen, task.unseen, bodies, arms)
     words = {n: b.instance.words() for n, b in bodies.items()}

@@ -205,7 +205,7 @@ def documented(condition, bodies):
 def keeps_its_conditions(scene, log):
     """The same well-formed names at every frame, not all true at the first, all true from the time of success on and not before."""
     outcome = scene.outcome(log)
-    per_frame = [scene.task.success(outcome.until(frames), scene.arms) for frames in range(1, len(log) + 1)]
+    per_frame = [scene.task.conditions(outcome.until(frames), scene.arms) for frames in range(1, len(log) + 1)]
     names = list(per_frame[0])
     assert names
     assert all(re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) for name in names), names
