@@ -1,24 +1,33 @@
-"""Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --seeds 5`.
+"""Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --slots 5`.
 
-Prints per cent accepted, tasks down, robots across, means per level, and the reasons of failure. `--alpha` takes a list and then
-prints yield and speeds per alpha, drawn with `--plot FILE.png`.
+Slots are filled as a build fills them, without images: attempts, each with a layout of its own, until one is accepted. Prints per
+cent of attempts accepted, tasks down, robots across, means with Wilson's 95 % interval, how the accepted targets move against how
+the law draws them, and the reasons of failure. `--alpha` takes a list and then prints yield and speeds per alpha, drawn with
+`--plot FILE.png`. `--rows FILE.parquet` keeps every attempt.
 """
 
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy import stats
 from tqdm import tqdm
 
 from benchmarks.hardware import hardware
-from pipeline.data.recipe import Recipe
+from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.spec import EpisodeSpec
+from pipeline.evaluate.intervals import wilson
+from pipeline.motion.target_motion import Features
+from pipeline.report.speed_law import drawn_and_accepted, law
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks import TASKS
@@ -30,33 +39,49 @@ ORIGINAL_STATIC = {"aloha-agilex": 78.2, "arx-x5": 77.9, "franka-panda": 69.0, "
 
 @dataclass(frozen=True)
 class Try:
-    """Outcome of one attempt: empty reason when accepted; seconds of processor time; speeds of the target in m/s."""
+    """Outcome of one attempt: empty reason when accepted; seconds of processor time; features of the target's motion if it had one
+    (m/s and m); number of the attempt at its slot."""
 
     spec: EpisodeSpec
+    number: int
     reason: str
+    detail: str
     seconds: float
-    average: float = 0.0
-    fastest: float = 0.0
+    drawn: Features | None
+
+    def row(self) -> dict[str, Any]:
+        """As a row of attempts.parquet, with the processor seconds."""
+        outcome = "failed" if self.reason else "accepted"
+        stage, _, reason = self.reason.partition(": ")
+        said = {"attempt": self.number, "outcome": outcome, "stage": stage, "reason": reason, "detail": self.detail}
+        return asdict(self.spec) | said | {"seconds": self.seconds} | (asdict(self.drawn) if self.drawn else {})
 
 
-def one(spec: EpisodeSpec) -> Try:
-    """Run the three stages for one spec."""
-    phases = Phases()
-    try:
-        rollout = attempt(spec, Recipe(), phases)
-    except Failure as failure:
-        return Try(spec, f"{failure.stage}: {failure.reason}", sum(phases.cpu.values()))
-    return Try(spec, "", sum(phases.cpu.values()), rollout.motion.average_speed(), rollout.motion.maximum_speed())
-
-
-def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Try]:
-    """All specs in fresh processes; a bar shows how far and how well it goes."""
+def fill(job: tuple[Recipe, Slot]) -> list[Try]:
+    """Attempts at a slot until one is accepted."""
+    recipe, slot = job
     tries = list[Try]()
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(specs), unit="attempt") as bar:
-        for t in pool.map(one, specs, chunksize=1):
-            tries.append(t)
+    for number in range(recipe.attempts):
+        phases, spec = Phases(), recipe.spec(slot, number)
+        try:
+            rollout = attempt(spec, recipe, phases)
+        except Failure as failure:
+            reason = f"{failure.stage}: {failure.reason}"
+            tries.append(Try(spec, number, reason, failure.detail, sum(phases.cpu.values()), failure.drawn))
+        else:
+            tries.append(Try(spec, number, "", "", sum(phases.cpu.values()), rollout.motion.features()))
+            break
+    return tries
+
+
+def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int) -> list[Try]:
+    """All slots in fresh processes; a bar shows how far and how well it goes."""
+    tries = list[Try]()
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(jobs), unit="slot") as bar:
+        for found in pool.map(fill, jobs, chunksize=1):
+            tries += found
             bar.update()
-            bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.0%} accepted")
+            bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.1%} of {len(tries)} attempts accepted")
     return tries
 
 
@@ -72,14 +97,63 @@ def rates(tries: Sequence[Try], robots: Sequence[str], levels: Sequence[int]) ->
         rows.append(" | ".join([f"| mean, level {level}", *means, f"{cost([t for t in tries if t.spec.level == level]):.2f} |"]))
     means = [f"**{share(tries, tasks, robot, levels)}**" for robot in robots]
     rows.append(" | ".join(["| **mean**", *means, f"{cost(tries):.2f} |"]))
+    rows.append(" | ".join(["| 95 % interval", *(interval(tries, robot) for robot in robots), " |"]))
+    still = [share(tries, tasks, robot, levels, "dry_run") for robot in robots]
+    rows.append(" | ".join(["| dry runs alone", *still, " |"]))
     rows.append(" | ".join(["| original, static", *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot in robots), " |"]))
     return "\n".join(rows)
 
 
-def share(tries: Sequence[Try], tasks: Sequence[str], robot: str, levels: Sequence[int]) -> str:
-    """Per cent of attempts accepted, as text."""
-    group = [not t.reason for t in tries if t.spec.task in tasks and t.spec.embodiment == robot and t.spec.level in levels]
+def share(tries: Sequence[Try], tasks: Sequence[str], robot: str, levels: Sequence[int], upto: str = "") -> str:
+    """Per cent of attempts accepted, as text; with `upto="dry_run"` of those that got past the dry run."""
+    early = ("layout", "dry_run")
+    group = [
+        not t.reason.startswith(early) if upto else not t.reason
+        for t in tries
+        if t.spec.task in tasks and t.spec.embodiment == robot and t.spec.level in levels
+    ]
     return f"{100 * np.mean(group):.0f}"
+
+
+def interval(tries: Sequence[Try], robot: str) -> str:
+    """Wilson's 95 % interval of the share of a robot's attempts that were accepted, as text in per cent."""
+    good = [not t.reason for t in tries if t.spec.embodiment == robot]
+    low, high = wilson(sum(good), len(good))
+    return f"{100 * low:.1f}-{100 * high:.1f}"
+
+
+def speeds(tries: Sequence[Try], levels: Sequence[int]) -> str:
+    """Markdown: motions drawn against motions accepted per level, and the test of level 1 against the paper's law."""
+    head = "| level | motions | number | average m/s | end m/s | displacement m | under 5 cm | at 0.01 m/s | 0.8 alpha or more |"
+    rows = [head, "|---:|---|" + "---:|" * 7]
+    for level in levels:
+        groups = drawn_and_accepted([t.row() for t in tries if t.spec.level == level])
+        for name, group in zip(("drawn", "accepted"), groups, strict=True):
+            if (m := law(group)) is not None:
+                means = f"{m.count} | {m.average_speed:.4f} | {m.end_speed:.4f} | {m.displacement:.3f}"
+                rows.append(f"| {level} | {name} | {means} | {m.short:.0%} | {m.slow:.1%} | {m.fast:.0%} |")
+    accepted = [t for t in tries if t.spec.level == 1 and not t.reason and t.drawn]
+    if accepted:
+        statistic, p = kolmogorov_smirnov([t.drawn.average_speed / t.spec.alpha for t in accepted if t.drawn])
+        rows.append(
+            f"\nLevel 1: Kolmogorov-Smirnov of {len(accepted)} accepted speeds against the law: D {statistic:.3f}, p {p:.2f}"
+        )
+    return "\n".join(rows)
+
+
+def kolmogorov_smirnov(relative: Sequence[float]) -> tuple[float, float]:
+    """Statistic and p of speeds over alpha 0.1 m/s against clip(abs(N(0.8, 1/3)), 0.1, 1), by its probability integral transform.
+
+    The law has atoms at both clips, where the transform draws from the atom's share: then it is uniform under the law.
+    """
+    normal, rng = stats.norm(0.8, 1 / 3), np.random.default_rng(0)
+    x = np.asarray(relative)
+    below = normal.cdf(x) - normal.cdf(-x)
+    low, high = normal.cdf(0.1) - normal.cdf(-0.1), normal.cdf(1.0) - normal.cdf(-1.0)
+    spread = rng.random(len(x))
+    u = np.where(x <= 0.1 + 1e-9, spread * low, np.where(x >= 1 - 1e-9, high + spread * (1 - high), below))
+    found = stats.kstest(u, "uniform")
+    return float(found.statistic), float(found.pvalue)
 
 
 def reasons(tries: Sequence[Try]) -> str:
@@ -99,8 +173,8 @@ def alphas(tries: Sequence[Try]) -> str:
     rows = ["| alpha m/s | accepted % | average speed | fastest |", "|---:|---:|---:|---:|"]
     for alpha in sorted({t.spec.alpha for t in tries}):
         group = [t for t in tries if t.spec.alpha == alpha]
-        good = [t for t in group if not t.reason]
-        speeds = (np.mean([t.average for t in good]), max(t.fastest for t in good)) if good else (0.0, 0.0)
+        good = [t.drawn for t in group if not t.reason and t.drawn]
+        speeds = (np.mean([m.average_speed for m in good]), max(m.maximum_speed for m in good)) if good else (0.0, 0.0)
         rows.append(f"| {alpha:g} | {100 * len(good) / len(group):.0f} | {speeds[0]:.3f} | {speeds[1]:.3f} |")
     return "\n".join(rows)
 
@@ -119,10 +193,10 @@ def plot(tries: Sequence[Try], path: Path) -> None:
     left.plot(steps, 100 * share.mean(0), "k", marker="o", lw=2, label="mean")
     left.set(xlabel="alpha (m/s)", ylabel="attempts accepted (%)", ylim=(0, 103))
     left.legend(fontsize=7)
-    good = [[t for t in tries if t.spec.alpha == a and not t.reason] for a in steps]
+    good = [[t.drawn for t in tries if t.spec.alpha == a and not t.reason and t.drawn] for a in steps]
     width = 0.3 * float(np.diff(steps).min())
-    right.boxplot([[t.average for t in group] for group in good], positions=steps, widths=width, manage_ticks=False)
-    right.plot(steps, [max((t.fastest for t in group), default=np.nan) for group in good], "r^", label="fastest instant")
+    right.boxplot([[m.average_speed for m in group] for group in good], positions=steps, widths=width, manage_ticks=False)
+    right.plot(steps, [max((m.maximum_speed for m in group), default=np.nan) for group in good], "r^", label="fastest instant")
     right.plot([0, steps[-1]], [0, steps[-1]], "k:", label="alpha")
     right.set(xlabel="alpha (m/s)", ylabel="target speed, average of an episode (m/s)", ylim=(0, None))
     right.legend(fontsize=7)
@@ -136,29 +210,36 @@ def main() -> None:
     parser.add_argument("--levels", default="1")
     parser.add_argument("--alpha", default="0.1")
     parser.add_argument("--domains", default="clean")
-    parser.add_argument("--seeds", type=int, default=5, help="attempts per task, robot, level, alpha and domain")
-    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--slots", type=int, default=5, help="slots per task, robot, level, alpha and domain")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the recipe: other ones are other layouts")
+    parser.add_argument("--attempts", type=int, default=30)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
+    parser.add_argument("--rows", type=Path, help="write all attempts to this Parquet file")
     parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
     args = parser.parse_args()
     tasks = sorted(TASKS) if args.tasks == "all" else args.tasks.split(",")
     robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
-    domains = args.domains.split(",")
-    levels, speeds = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
-    specs = [
-        EpisodeSpec(task, robot, level, alpha, domain, 0, seed)
-        for task in tasks
-        for robot in robots
-        for level in levels
-        for alpha in speeds
-        for domain in domains
-        for seed in range(args.first_seed, args.first_seed + args.seeds)
-    ]
-    tries = run(specs, args.workers)
+    levels, alpha = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
+    recipe = Recipe.model_validate(
+        {
+            **{"seed": args.seed, "tasks": tasks, "embodiments": robots, "levels": levels, "alpha": alpha},
+            **{"domains": args.domains.split(","), "episodes": args.slots, "attempts": args.attempts},
+        }
+    )
+    tries = run([(recipe, slot) for slot in recipe.slots()], args.workers)
+    if args.rows:
+        pq.write_table(pa.Table.from_pylist([t.row() for t in tries]), args.rows)
     what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {args.domains}"
     head = f"{what}, {cost(tries):.2f} s of processor time (physics and planning, failures included) per accepted episode."
-    parts = [head, hardware(), rates(tries, robots, levels), *([alphas(tries)] if len(speeds) > 1 else []), reasons(tries)]
+    parts = [
+        head,
+        hardware(),
+        rates(tries, robots, levels),
+        speeds(tries, levels),
+        *([alphas(tries)] if len(alpha) > 1 else []),
+        reasons(tries),
+    ]
     print("\n\n".join(parts))
     if args.out:
         args.out.write_text("\n\n".join(parts) + "\n")

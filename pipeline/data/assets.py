@@ -67,7 +67,7 @@ class AssetStore:
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; delete the episodes that name it, and run the build again") from error
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
             raise AssetError(f"{path}: cannot be read ({error}); {_FIX}") from error
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; {_FIX}")

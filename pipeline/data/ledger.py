@@ -23,11 +23,12 @@ ATTEMPTS = pa.schema(
         ("reason", pa.string()),
         ("detail", pa.string()),
         ("conditions", pa.list_(pa.string())),
+        *((name, pa.float64()) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")),
         ("sim_steps", pa.int64()),
         ("seconds", pa.float64()),
     ]
 )
-"""Columns of attempts.parquet: one row an attempt."""
+"""Columns of attempts.parquet: one row an attempt; speeds (m/s) and displacement (m) of the motion that was drawn, if any."""
 
 
 @dataclass(frozen=True)

@@ -178,10 +178,15 @@ class Recipe(BaseModel):
                     yield Slot(cell, index)
 
     def spec(self, slot: Slot, attempt: int) -> EpisodeSpec:
-        """The spec of one attempt at a slot."""
+        """The spec of one attempt at a slot.
+
+        The first half of the attempts share the drawn shape of the target's motion, and with it its speed, whatever the layout:
+        a fast motion, which fits more seldom, is not replaced by a slow one. Later attempts draw their own.
+        """
         cell = slot.cell
         seed = attempt_seed(self.seed, cell.path, slot.index, attempt)
-        return EpisodeSpec(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed)
+        shared = attempt_seed(self.seed, cell.path, slot.index, -1) if attempt <= self.attempts // 2 else None
+        return EpisodeSpec(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed, shared)
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""

@@ -17,8 +17,11 @@ class EpisodeSpec:
     """One attempt at one slot.
 
     `alpha` is the speed coefficient in m/s (DOMINO@alpha), `slot` the index of the wanted episode inside its cell, `seed` the
-    attempt's own seed. Raises ValueError, naming the field, for a task or embodiment that is no plain name (paths are made from
-    them), a level outside 0-3, a negative or non-finite alpha, an unknown domain, or a negative slot or seed.
+    attempt's own seed. `slot_seed` is shared by attempts at a slot: what it draws is kept when the rest is drawn again; None for
+    an attempt that shares nothing.
+
+    Raises ValueError, naming the field, for a task or embodiment that is no plain name (paths are made from them), a level outside
+    0-3, a negative or non-finite alpha, an unknown domain, or a negative slot or seed.
     """
 
     task: str
@@ -28,6 +31,7 @@ class EpisodeSpec:
     domain: str
     slot: int
     seed: int
+    slot_seed: int | None = None
 
     def __post_init__(self) -> None:
         if not is_name(self.task):
@@ -40,8 +44,8 @@ class EpisodeSpec:
             raise ValueError(f"alpha {self.alpha!r} is not a speed: give a number >= 0 in m/s")
         if self.domain not in DOMAINS:
             raise ValueError(f"domain {self.domain!r} is unknown: domains are {', '.join(DOMAINS)}")
-        if self.slot < 0 or self.seed < 0:
-            raise ValueError("slot and seed must not be negative")
+        if self.slot < 0 or self.seed < 0 or (self.slot_seed or 0) < 0:
+            raise ValueError("slot and seeds must not be negative")
 
     @property
     def moving(self) -> bool:
@@ -54,7 +58,14 @@ class EpisodeSpec:
         Level, alpha and domain do not enter the key: paired cells (level 0 against level 3, clean against randomised) see the
         same placement and the same objects for the same seed.
         """
-        key = json.dumps([self.task, self.embodiment, self.slot, self.seed, purpose]).encode()
+        return self._stream(self.seed, purpose)
+
+    def slot_rng(self, purpose: str) -> np.random.Generator:
+        """The named random stream that all attempts with the same `slot_seed` share; the attempt's own without one."""
+        return self._stream(self.seed if self.slot_seed is None else self.slot_seed, f"slot/{purpose}")
+
+    def _stream(self, seed: int, purpose: str) -> np.random.Generator:
+        key = json.dumps([self.task, self.embodiment, self.slot, seed, purpose]).encode()
         return np.random.Generator(np.random.Philox(key=int.from_bytes(hashlib.sha256(key).digest()[:16], "little")))
 
     def to_json(self) -> str:
@@ -65,6 +76,8 @@ class EpisodeSpec:
     def from_json(cls, text: str) -> "EpisodeSpec":
         """Inverse of `to_json`. Raises ValueError for text that is no spec."""
         values = json.loads(text)
+        if isinstance(values, dict):
+            values.setdefault("slot_seed", None)  # episodes of version 0.1 do not have it
         if not isinstance(values, dict) or set(values) != {f.name for f in fields(cls)}:
             raise ValueError(f"is not a spec: its keys must be {', '.join(f.name for f in fields(cls))}")
         return cls(**values)

@@ -48,25 +48,37 @@ class Limits:
                 raise ValueError(f"{name} must be finite and not negative: {value}")
 
 
-def judge(paths: Paths, limits: Limits) -> NDArray[np.object_]:
-    """First reason (N,) against each path, "" for none; cheap checks first, `limits.visible` only for the paths they leave."""
+def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
+    """First reason (N,) against each path as the law draws it, wherever it may be turned later; "" for none.
+
+    Judged are miss, smooth, speed and end_speed, which no turn can change, and "workspace": the paper draws a curved path inside
+    the workspace, but a straight one in any direction, so that this one is refused only where no direction has room for it.
+    """
     speeds = _speeds(paths, limits.total)
-    points = _samples(paths)
-    last = limits.end[:2] + speeds.end_velocity * limits.tail
     speed = speeds.average if limits.speed_bound == "average" else speeds.maximum
-    checks = {
-        "miss": ~paths.missed,
-        "speed": speed <= limits.alpha * (1 + SPEED_ROUNDING),
-        "workspace": limits.workspace.guarded(limits.end[:2]).contains(points).all(-1),
-        "tail": limits.workspace.contains(last),
-    }
+    checks = {"miss": ~paths.missed, "speed": speed <= limits.alpha * (1 + SPEED_ROUNDING)}
+    if limits.level == 1:
+        room = np.linalg.norm(_corners(limits) - limits.end[:2], axis=-1).max()
+        checks["workspace"] = np.linalg.norm(paths.coefficients[:, 0, :, 0] - limits.end[:2], axis=-1) <= room
+    else:
+        checks["workspace"] = limits.workspace.guarded(limits.end[:2]).contains(_samples(paths)).all(-1)
     if limits.level == 3:
         checks["smooth"] = speeds.abrupt >= ABRUPT * limits.alpha
     if limits.end_speed_limit is not None:
         checks["end_speed"] = np.linalg.norm(speeds.end_velocity, axis=-1) <= limits.end_speed_limit
-    reasons = np.full(len(paths.missed), "", dtype=object)
-    for reason in (r for r in REASONS if r in checks):
-        reasons[(reasons == "") & ~checks[reason]] = reason
+    return _first_reasons(checks)
+
+
+def judge_places(paths: Paths, limits: Limits) -> NDArray[np.object_]:
+    """First reason (N,) against each path where it lies, "" for none: workspace, tail, visibility. `limits.visible` is asked only
+    about the paths that the others leave."""
+    points = _samples(paths)
+    last = limits.end[:2] + _speeds(paths, limits.total).end_velocity * limits.tail
+    checks = {
+        "workspace": limits.workspace.guarded(limits.end[:2]).contains(points).all(-1),
+        "tail": limits.workspace.contains(last),
+    }
+    reasons = _first_reasons(checks)
     left = np.flatnonzero(reasons == "")
     if limits.visible is not None and len(left):
         xy = np.concatenate([points[left], last[left, None]], axis=1)
@@ -75,13 +87,29 @@ def judge(paths: Paths, limits: Limits) -> NDArray[np.object_]:
     return reasons
 
 
-def exact_reason(motion: TargetMotion, limits: Limits) -> str:
-    """What the samples of `judge` let slip by a hair, from closed forms of speed and extent; "" for nothing."""
+def exact_speed(motion: TargetMotion, limits: Limits) -> bool:
+    """Whether a motion keeps the speed bound by its closed form, which the samples of `judge_shapes` may miss by a hair."""
     speed = motion.average_speed() if limits.speed_bound == "average" else motion.maximum_speed()
-    if speed > limits.alpha * (1 + SPEED_ROUNDING):
-        return "speed"
-    inside = limits.workspace.guarded(limits.end[:2]).contains(np.stack(motion.extent())).all()
-    return "" if inside else "workspace"
+    return speed <= limits.alpha * (1 + SPEED_ROUNDING)
+
+
+def exact_place(motion: TargetMotion, limits: Limits) -> bool:
+    """Whether a motion stays in the workspace by its closed form, which the samples of `judge_places` may miss by a hair."""
+    return bool(limits.workspace.guarded(limits.end[:2]).contains(np.stack(motion.extent())).all())
+
+
+def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
+    reasons = np.full(len(next(iter(checks.values()))), "", dtype=object)
+    for reason in (r for r in REASONS if r in checks):
+        reasons[(reasons == "") & ~checks[reason]] = reason
+    return reasons
+
+
+def _corners(limits: Limits) -> Array:
+    """Corners (4, 2) of the part of the workspace in which the path must stay."""
+    inside = limits.workspace.guarded(limits.end[:2])
+    (x0, y0), (x1, y1) = inside.lower, inside.upper
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,23 @@ class Paths:
     coefficients: NDArray[np.float64]
     missed: NDArray[np.bool_]
 
+    def only(self, i: int) -> "Paths":
+        """The batch of path `i` alone."""
+        return Paths(self.durations[i : i + 1], self.coefficients[i : i + 1], self.missed[i : i + 1])
+
+
+def turned(path: Paths, angles: NDArray[np.float64], mirrored: NDArray[np.bool_], end: ArrayLike) -> Paths:
+    """One path (a batch of 1) turned about its `end` (2,) by each of `angles` (N,) rad, after a reflection where `mirrored` (N,):
+    N paths with the same speeds."""
+    n, c, s = len(angles), np.cos(angles), np.sin(angles)
+    flip = np.where(mirrored, -1.0, 1.0)
+    turn = np.stack([np.stack([c, -s * flip], -1), np.stack([s, c * flip], -1)], 1)
+    origin = np.zeros((2, TERMS))
+    origin[:, 0] = np.asarray(end, float)
+    used = (path.durations[0] > 0)[:, None, None]
+    coefficients = np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used) + origin * used
+    return Paths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
+
 
 def draw_level_1(rng: np.random.Generator, n: int, alpha: float, total: float, end: ArrayLike, workspace: Workspace) -> Paths:
     """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s (to alpha where alpha < 0.01), any direction;

@@ -32,6 +32,17 @@ class Segment:
         object.__setattr__(self, "coefficients", c)
 
 
+@dataclass(frozen=True)
+class Features:
+    """What a turn of a motion about its end does not change: average, greatest and last speed (m/s), and the distance (m) of its
+    start from its end."""
+
+    average_speed: float
+    maximum_speed: float
+    end_speed: float
+    displacement: float
+
+
 @dataclass(frozen=True, eq=False)
 class TargetMotion:
     """Where the target is at any time t (s) of the episode's clock, on which the robot starts at 0.
@@ -128,6 +139,12 @@ class TargetMotion:
     def maximum_speed(self) -> float:
         """Greatest instantaneous speed over [-lead, duration], m/s, exact up to rounding."""
         return max(greatest_speed(s.coefficients) / (s.end - s.start) for s in self.segments)
+
+    def features(self) -> Features:
+        """Its speeds and its displacement."""
+        moved = self.position(self.duration) - self.position(-self.lead)
+        end_speed, displacement = float(np.linalg.norm(self.end_velocity)), float(np.linalg.norm(moved))
+        return Features(self.average_speed(), self.maximum_speed(), end_speed, displacement)
 
     def extent(self) -> tuple[Array, Array]:
         """Smallest and largest x, y, (2,) each in m, over [-lead, duration], exact up to rounding."""

@@ -92,10 +92,11 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
         except Failure as failure:
             row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "sim_steps": failure.steps}
             row |= {"detail": failure.detail, "conditions": list(failure.conditions)}
+            row |= asdict(failure.drawn) if failure.drawn else {}
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
             sha = write(dataset, slot, episode_of(rollout, recipe, images.drawing, keys), images, phases)
-            row |= {"outcome": "accepted", "sim_steps": rollout.steps}
+            row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
         rows.append(row | {"seconds": time.perf_counter() - began})
         if sha:
             break

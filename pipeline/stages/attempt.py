@@ -49,8 +49,8 @@ class Rollout:
 
 
 def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
-    """The three stages for one spec. Raises Failure, with `steps` set to the physics steps spent."""
-    steps = 0
+    """The three stages for one spec. Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn."""
+    steps, drawn = 0, None
     try:
         with phases("scene"):
             scene = build_scene(spec, recipe.ruling())
@@ -59,9 +59,11 @@ def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
         steps = dry.steps
         with phases("back_calculate"):
             motion = back_calculate(scene, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
+        drawn = motion.features()
         with phases("replay"):
             done = replay(scene, dry, motion, recipe.fps)
     except Failure as failure:
         failure.steps += steps
+        failure.drawn = failure.drawn or drawn
         raise
     return Rollout(scene, motion, dry.meeting, done, steps + done.steps)

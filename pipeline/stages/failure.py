@@ -4,18 +4,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pipeline.expert.actor import Actor
+from pipeline.motion.target_motion import Features
 from pipeline.planning.failure import PlanFailure
 
 
 class Failure(Exception):
     """An attempt that ends without an episode: the stage it reached, a reason code in snake case, the physics steps it took.
 
-    `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success.
+    `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success;
+    `drawn` are the features of the target's motion, where one was drawn.
     """
 
     def __init__(self, stage: str, reason: str, detail: str = "", conditions: tuple[str, ...] = ()) -> None:
         super().__init__(f"{stage}: {reason}" + (f" ({detail})" if detail else ""))
         self.stage, self.reason, self.detail, self.conditions, self.steps = stage, reason, detail, conditions, 0
+        self.drawn: Features | None = None
 
 
 def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:

@@ -158,6 +158,8 @@ PHYSICS_KEYS = {
     "camera": "L515",
     "lead": 0.5,
     "speed_bound": "maximum",
+    "rules": "domino",
+    "contact": "continue",
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
