@@ -74,12 +74,9 @@ def manipulation_score(rc: float, *, out_of_bounds: bool, distractors: int, comp
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 
 
-def touched_distractors(log: StateLog, clutter: Collection[str]) -> tuple[str, ...]:
-    """The distractors that anything but the table and other distractors touches in the log."""
-    quiet = {log.bodies.index(name) for name in (*clutter, "table")}
-    touched = {int(row["a"]) for row in log.contacts if int(row["b"]) not in quiet}
-    touched |= {int(row["b"]) for row in log.contacts if int(row["a"]) not in quiet}
-    return tuple(name for name in clutter if log.bodies.index(name) in touched)
+def touched_distractors(log: StateLog) -> tuple[str, ...]:
+    """The distractors that anything but the table and other distractors touched, at any physics step."""
+    return tuple(event.by for event in log.events if event.name == "clutter_touched")
 
 
 def jerk(positions: NDArray[np.float64], fps: float) -> float:
@@ -97,7 +94,7 @@ def score(trial: Trial, compounding: bool = False) -> Score:
     tools = log.tcp[:, :, :3]
     rc = route_completion(tools, log.pose(scene.task.target)[-1, :3], success)
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
-    distractors = touched_distractors(log, scene.clutter)
+    distractors = touched_distractors(log)
     missing = () if success else failed(scene.conditions(log))
     return Score(
         success=success,

@@ -44,7 +44,8 @@ class Scene:
     def start(self, motion: Motion, fps: int, purpose: str) -> Actor:
         """A settled simulation with its recorder and expert. Raises Failure("unstable") when bodies do not come to rest."""
         stops = self.rules.stops(self.task.category)
-        simulation = Simulation(self.embodiment, tuple(self.bodies.values()), self.task.target, motion, stops=stops)
+        bodies = tuple(self.bodies.values())
+        simulation = Simulation(self.embodiment, bodies, self.task.target, motion, stops=stops, clutter=self.clutter)
         if not simulation.settle():
             raise Failure(purpose, "unstable", f"a body still moves, or touches {self.task.target}, before the start")
         return Actor(
@@ -72,13 +73,8 @@ class Scene:
         return Wording(self.task.seen, self.task.unseen, words, self.arms, self.spec.moving)
 
     def touched_distractor(self, log: StateLog) -> str:
-        """The first distractor that anything but the table touches in the log, "" for none."""
-        table = log.bodies.index("table")
-        for name in self.clutter:
-            i, rows = log.bodies.index(name), log.contacts
-            if (((rows["a"] == i) | (rows["b"] == i)) & (rows["a"] != table) & (rows["b"] != table)).any():
-                return name
-        return ""
+        """The first distractor that anything but the table and other distractors touched, at any physics step; "" for none."""
+        return next((event.by for event in log.events if event.name == "clutter_touched"), "")
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
         """The success conditions of the task at the end of the log, by name."""

@@ -5,8 +5,8 @@ commands produce the same bytes. No renderer is ever opened here.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import sapien
@@ -38,6 +38,10 @@ def _array(p: sapien.Pose) -> Pose:
     return np.array(p.__getstate__())  # the seven numbers x, y, z, w, x, y, z; several times faster than reading p and q
 
 
+def _pushes(contact: Any) -> bool:
+    return any(np.dot(p.impulse, p.impulse) > _TOUCH_IMPULSE**2 for p in contact.points)
+
+
 class _Standing:
     """A motion that stands still at a pose."""
 
@@ -56,10 +60,20 @@ class Simulation:
 
     The target is kinematic on `motion` until it is released: with `stops`, at the first impulse with a robot link or with a free
     body, else when `release` is called. From then on it is a dynamic body that starts with the velocity it had. `events` then
-    holds "meeting" and "release"; `touched_by` names what touched it first, `touched_at` the step.
+    holds "meeting" and "release"; `touched_by` names what touched it first, `touched_at` the step. It also holds the first
+    "clutter_touched" of each body of `clutter`, by anything but the table and the rest of the clutter.
     """
 
-    def __init__(self, embodiment: Embodiment, bodies: Sequence[Body], target: str, motion: Motion, *, stops: bool = True) -> None:
+    def __init__(
+        self,
+        embodiment: Embodiment,
+        bodies: Sequence[Body],
+        target: str,
+        motion: Motion,
+        *,
+        stops: bool = True,
+        clutter: Collection[str] = (),
+    ) -> None:
         self.embodiment, self.bodies, self.target, self.motion = embodiment, tuple(bodies), target, motion
         self._stops = stops
         self.steps, self.settle_steps, self.events = 0, 0, list[Event]()
@@ -91,6 +105,8 @@ class Simulation:
         riders = {b.name for b in self.bodies if b.inside == target}
         touchers = (self._free - riders).union(self._link_names)
         self._touchers = {component for component, name in zip(solids, self.names, strict=True) if name in touchers}
+        self._untouched = {component: name for component, name in zip(solids, self.names, strict=True) if name in clutter}
+        self._harmless = {*self._untouched, table}
         self.joint_names = tuple(f"{side}_{j.name}" for side in SIDES for j in self._arms[side].active)
         self.command = self.home_vector()
 
@@ -132,8 +148,8 @@ class Simulation:
         self._scene.step()
         self.steps += 1
         self.command = command
-        if not self.touched_by:
-            self._watch()
+        if self._untouched or not self.touched_by:
+            self._watch(self._scene.get_contacts())
 
     def _target_pose(self, step: int) -> Pose:
         """The motion's pose at a step, evaluated a second at a time because one array call costs as much as one pose."""
@@ -153,18 +169,25 @@ class Simulation:
             if n >= 12 and all(self.speed(name) < quiet for name in self._free):
                 break
         self.settle_steps, self.steps, self.motion, self._upcoming = self.steps, 0, motion, self._upcoming[:0]
+        self.events = [e for e in self.events if e.name != "clutter_touched"]  # the clock starts now
         return not self.touched_by and all(self.speed(name) < quiet for name in self._free)
 
-    def _watch(self) -> None:
-        """Note the first touch. SAPIEN lists contacts in no fixed order: of several in one step, the first of `names` counts."""
-        target, found = self._moved, list[int]()
-        for contact in self._scene.get_contacts():
+    def _watch(self, contacts: Sequence[Any]) -> None:
+        """Note the first touch of the target and of every distractor.
+
+        SAPIEN lists contacts in no fixed order: of several that touch the target in one step, the first of `names` counts.
+        """
+        found, disturbed = list[int](), set[str]()
+        for contact in contacts:
             a, b = contact.bodies
-            if a is not target and b is not target:
-                continue
-            other = b if a is target else a
-            if other in self._touchers and any(np.dot(p.impulse, p.impulse) > _TOUCH_IMPULSE**2 for p in contact.points):
-                found.append(self._index[other])
+            for one, other in ((a, b), (b, a)):
+                if one is self._moved and not self.touched_by and other in self._touchers and _pushes(contact):
+                    found.append(self._index[other])
+                if one in self._untouched and other not in self._harmless and _pushes(contact):
+                    disturbed.add(self._untouched[one])
+        for name in sorted(disturbed):
+            self.events.append(Event("clutter_touched", self.time, name))
+        self._untouched = {body: name for body, name in self._untouched.items() if name not in disturbed}
         if found:
             self.touched_by, self.touched_at = self.names[min(found)], self.steps
             self.events.append(Event("meeting", self.time, self.touched_by))

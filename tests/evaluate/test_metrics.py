@@ -5,6 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from pipeline.data.state_log import Event
 from pipeline.evaluate.metrics import jerk, manipulation_score, progress, route_completion, touched_distractors
 from tests.synthetic import make_log
 
@@ -57,19 +58,12 @@ def test_jerk_of_a_cubic_is_its_third_derivative():
     assert jerk(cubic[:3], 15) == 0
 
 
-def test_distractors_count_once_each_and_not_for_standing_on_the_table():
+def test_touched_distractors_are_those_of_the_events():
     log = make_log("aloha-agilex", 12, 15, 0)
-    names = log.bodies
-    row = log.contacts[0]
-
-    def contacts(*pairs):
-        rows = np.repeat(row[None], len(pairs), 0)
-        for r, (a, b) in zip(rows, pairs, strict=True):
-            r["a"], r["b"] = sorted((names.index(a), names.index(b)))
-        log.contacts = rows
-        return touched_distractors(log, ("other",))
-
-    assert contacts(("other", "table")) == ()
-    assert contacts(("target", "left_hand")) == ()
-    assert contacts(("other", "left_hand"), ("other", "left_hand")) == ("other",)
-    assert contacts(("other", "target")) == ("other",)
+    assert touched_distractors(log) == ()
+    log.events = [
+        Event("clutter_touched", 0.1, "clutter_2"),
+        Event("meeting", 0.2, "left_link8"),
+        Event("clutter_touched", 0.3, "clutter_1"),
+    ]
+    assert touched_distractors(log) == ("clutter_2", "clutter_1")

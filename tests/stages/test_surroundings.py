@@ -13,6 +13,7 @@ from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.meta import Drawing
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.data.state_log import Event
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import angle_between, inverse, transform, yawed
 from pipeline.run.make import episode_of
@@ -227,9 +228,8 @@ def test_path_and_planner_take_clutter_for_obstacles(rollout):
 def test_an_episode_leaves_clutter_alone(rollout):
     scene, log = rollout.scene, rollout.replay.log
     assert scene.touched_distractor(log) == ""
-    name, link = scene.clutter[1], log.bodies.index("left_link6")
-    touch = np.array([(3, log.bodies.index(name), link, 0.1, (0, 0, 0.8))], dtype=log.contacts.dtype)
-    assert scene.touched_distractor(replace(log, contacts=np.concatenate([log.contacts, touch]))) == name
+    touch = Event("clutter_touched", 0.3, scene.clutter[1])
+    assert scene.touched_distractor(replace(log, events=[*log.events, touch])) == scene.clutter[1]
 
 
 def test_instructions_and_episode_tell_clutter_from_the_task(rollout):

@@ -163,6 +163,40 @@ def test_the_first_touch_releases_the_target_with_the_velocity_it_has():
     assert s.pose("block")[0] > 0.05
 
 
+def test_without_stops_the_target_pushes_through_and_ends_its_motion_when_released():
+    speed = 0.1
+    target, block = body("target", "can", -0.2, 0.15), body("block", "block", -0.08, 0.15)
+    motion = straight(target.pose, speed)
+    s = Simulation(get_embodiment("aloha-agilex"), (target, block), "target", motion, stops=False)
+    assert s.settle()
+    hold(s, 240)
+    assert s.touched_by == "block"
+    assert not s.released
+    assert [e.name for e in s.events] == ["meeting"]
+    np.testing.assert_allclose(s.pose("target")[:3], motion.position(1.0), atol=1e-5)
+    assert s.pose("block")[0] > -0.08 + 0.02
+    s.release()
+    s.release()
+    assert [e.name for e in s.events] == ["meeting", "release"]
+    hold(s, 120)
+    assert s.speed("target") < 0.01
+
+
+def test_a_touch_of_clutter_is_seen_at_the_step_of_the_touch_and_once():
+    speed = 0.1
+    target, block, other = body("target", "can", -0.2, 0.15), body("block", "block", -0.08, 0.15), body("other", "block", 0.2, -0.1)
+    motion = straight(target.pose, speed)
+    bodies = (target, block, other)
+    s = Simulation(get_embodiment("aloha-agilex"), bodies, "target", motion, stops=False, clutter=("block", "other"))
+    assert s.settle()
+    assert s.events == []
+    gap = -0.08 + block.instance.shape().aabb()[0, 0] - (-0.2 + target.instance.shape().aabb()[1, 0])
+    hold(s, 240)
+    touches = [e for e in s.events if e.name == "clutter_touched"]
+    assert [e.by for e in touches] == ["block"]
+    assert touches[0].time == pytest.approx(gap / speed, abs=0.02)
+
+
 # --- the robot --------------------------------------------------------------------------------------------------------------
 
 
