@@ -12,6 +12,7 @@ from pipeline.commands.common import (
     AsJson,
     Assets,
     Attempts,
+    Contact,
     Domains,
     Embodiment,
     Episodes,
@@ -19,6 +20,7 @@ from pipeline.commands.common import (
     Levels,
     Manifest,
     Render,
+    Rules,
     Seed,
     Tasks,
     UsageError,
@@ -43,6 +45,8 @@ def build(
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
+    rules: Rules = None,
+    contact: Contact = None,
     assets: Assets = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -59,7 +63,21 @@ def build(
     """Make a dataset, or go on making it."""
     from pipeline.run.build import build as run_build
 
-    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render, assets)
+    recipe = recipe_of(
+        manifest,
+        assets,
+        tasks=tasks,
+        embodiments=embodiment,
+        levels=levels,
+        domains=domains,
+        alpha=alpha,
+        episodes=episodes,
+        seed=seed,
+        attempts=attempts,
+        render=render,
+        rules=rules,
+        contact=contact,
+    )
     pool = pool_of(executor, workers, address)
     if slot_timeout <= 0:
         raise UsageError(f"--slot-timeout {slot_timeout:g} is no time at all: give seconds")
@@ -90,6 +108,8 @@ def plan(
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
+    rules: Rules = None,
+    contact: Contact = None,
     assets: Assets = None,
     workers: Workers = None,
     out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
@@ -98,7 +118,21 @@ def plan(
     """Say what `build` would make, how long it takes and how big it gets. Writes nothing."""
     from pipeline.run.plan import plan as run_plan
 
-    recipe = recipe_of(manifest, tasks, embodiment, levels, domains, alpha, episodes, seed, attempts, render, assets)
+    recipe = recipe_of(
+        manifest,
+        assets,
+        tasks=tasks,
+        embodiments=embodiment,
+        levels=levels,
+        domains=domains,
+        alpha=alpha,
+        episodes=episodes,
+        seed=seed,
+        attempts=attempts,
+        render=render,
+        rules=rules,
+        contact=contact,
+    )
     _, count = executor_of("ray", workers)
     values = run_plan(recipe, Dataset(out) if out else None, count)
     lines = [

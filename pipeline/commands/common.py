@@ -45,6 +45,8 @@ Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comm
 Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.")]
 Attempts = Annotated[int | None, typer.Option(help="Seeds tried for one slot before it is given up.")]
+Rules = Annotated[str | None, typer.Option(help="strict (ours), or domino: sizes, tolerances and conditions of the original.")]
+Contact = Annotated[str | None, typer.Option(help="What the first touch does to the target of a tracking task: stop or continue.")]
 Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.")]
 Assets = Annotated[
     Path | None, typer.Option(help="Draw robots with the vendor meshes kept here (`assets add-robot-meshes`), where there are any.")
@@ -54,31 +56,13 @@ Workers = Annotated[int | None, typer.Option(help="Worker processes; all cores b
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
 
 
-def recipe_of(
-    manifest: Path | None,
-    tasks: str | None,
-    embodiment: str | None,
-    levels: str | None,
-    domains: str | None,
-    alpha: str | None,
-    episodes: int | None,
-    seed: int | None,
-    attempts: int | None = None,
-    render: str | None = None,
-    assets: Path | None = None,
-) -> Recipe:
+def recipe_of(manifest: Path | None, assets: Path | None = None, **given: Any) -> Recipe:
+    """The recipe of a manifest and of options: keys of a recipe, None where one was not given, lists as comma-separated text."""
+    for name in ("tasks", "embodiments", "domains"):
+        given[name] = listed(given.get(name))
+    given["levels"] = numbers(given.get("levels"), int, "--levels")
+    given["alpha"] = numbers(given.get("alpha"), float, "--alpha")
     values = read_recipe(manifest) if manifest else {}
-    given = {
-        "tasks": listed(tasks),
-        "embodiments": listed(embodiment),
-        "levels": numbers(levels, int, "--levels"),
-        "domains": listed(domains),
-        "alpha": numbers(alpha, float, "--alpha"),
-        "episodes": episodes,
-        "seed": seed,
-        "attempts": attempts,
-        "render": render,
-    }
     source = str(manifest) if manifest else "options"
     recipe = recipe_from(values | {key: value for key, value in given.items() if value is not None}, source)
     if assets is None or recipe.robot_meshes:

@@ -11,10 +11,12 @@ from pipeline.commands.common import (
     Address,
     Alpha,
     AsJson,
+    Contact,
     Domains,
     Embodiment,
     Executor,
     Levels,
+    Rules,
     Tasks,
     UsageError,
     Workers,
@@ -35,7 +37,12 @@ def evaluate(
     alpha: Alpha = None,
     episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per cell.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Scenes are drawn from seed 100000 * (1 + SEED).")] = 0,
-    clock: Annotated[str, typer.Option(help="sim, step-locked, or latency:MS and its other forms (docs/evaluation.md).")] = "sim",
+    clock: Annotated[
+        str | None,
+        typer.Option(help="sim, step-locked, latency:MS and other forms (docs/evaluation.md); that of the rules by default."),
+    ] = None,
+    rules: Rules = None,
+    contact: Contact = None,
     cameras: Annotated[str | None, typer.Option(help="Cameras the policy sees: head_camera, left_camera, right_camera.")] = None,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="The clutter penalty counts for every distractor, as in the original.")] = False,
@@ -62,17 +69,27 @@ def evaluate(
         raise UsageError(f"--cameras {unknown[0]!r} is unknown: choose from {', '.join(CAMERAS)}")
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
-    recipe = recipe_of(None, tasks, embodiment, levels, domains, alpha, None, None)
+    recipe = recipe_of(
+        None,
+        tasks=tasks,
+        embodiments=embodiment,
+        levels=levels,
+        domains=domains,
+        alpha=alpha,
+        rules=rules,
+        contact=contact,
+    )
     wanted = Evaluation(
         cells=tuple(recipe.cells()),
         policy=policy_name(policy),
-        clock=parse_clock(clock),
+        clock=parse_clock(clock or ("step-locked" if recipe.rules == "domino" else "sim")),
         episodes=episodes,
         seed=seed,
         cameras=seen,
         split=instructions,
         compounding=compounding,
         code=code_version(),
+        rules=recipe.ruling(),
     )
     pool = pool_of(executor, workers, address)
     bar = tqdm(disable=quiet, bar_format="{desc} [{elapsed}]")

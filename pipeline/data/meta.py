@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 from pipeline.data.cameras import Camera, CameraType
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import is_name
 from pipeline.data.visuals import Visuals
 
@@ -97,10 +98,13 @@ class EpisodeMeta(_Record):
 
     `target` is the body that moves on its own until the meeting, `manipulated` the one the arms handle, `arms` maps roles to sides,
     `clutter` lists the distractors (described in `objects`, too). `table_drop` (m): how much higher than in the clean domain robot
-    and head camera are, the table top staying where it is. `meeting_time` (s) is the planned meeting; speeds are those of the
-    target's motion (m/s). `physics_key` and `render_key` name what the episode was made from (run/keys.py). `physics_id` is the
-    same for all episodes that show the same physics (data/physics_id.py), which no split may separate; `variant` numbers their
-    looks.
+    and head camera are, the table top staying where it is. `meeting_time` (s) is the planned meeting; speeds (m/s) and
+    `displacement` (m) are those of the target's motion (motion/target_motion.py, Features). `rules` and `contact` say how the
+    episode was judged and what the first touch did (data/rules.py), `physics_hz` how fast physics ran, `step_limit` how many
+    control periods the task allows, `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.
+
+    `physics_key` and `render_key` name what the episode was made from (run/keys.py). `physics_id` is the same for all episodes
+    that show the same physics (data/physics_id.py), which no split may separate; `variant` numbers their looks.
     """
 
     fps: Annotated[int, Field(gt=0)]
@@ -114,6 +118,13 @@ class EpisodeMeta(_Record):
     meeting_time: float
     average_speed: float
     maximum_speed: float
+    end_speed: float = 0.0
+    displacement: float = 0.0
+    rules: str = "strict"
+    contact: str = "stop"
+    physics_hz: Annotated[int, Field(gt=0)] = PHYSICS_HZ
+    step_limit: int = 0
+    workspace: tuple[float, float, float, float] | None = None
     drawing: Drawing
     physics_id: str = ""
     variant: Annotated[int, Field(ge=0)] = 0

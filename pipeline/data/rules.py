@@ -27,5 +27,10 @@ class Rules:
             return True
         return (self.contact or ("stop" if self.name == "strict" else "continue")) == "stop"
 
+    @property
+    def label(self) -> str:
+        """A word for paths and tables: "strict", "domino", "strict-continue" and so on."""
+        return self.name if self.contact is None else f"{self.name}-{self.contact}"
+
 
 STRICT = Rules()

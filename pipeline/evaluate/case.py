@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.recipe import Recipe
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import StateLog
 from pipeline.motion.target_motion import TargetMotion
@@ -22,9 +23,9 @@ from pipeline.stages.failure import Failure
 class Case:
     """A spec that the expert solved.
 
-    `motion` is TargetMotion.to_json(), `meeting` the time (s) at which the expert met the target in its dry run, `frames` the
-    length of its episode. `start` and `end` are hashes of the first frame and of the whole state log: another machine, or another
-    version, has the same physics where they are the same.
+    `rules` are those by which it was solved and is judged. `motion` is TargetMotion.to_json(), `meeting` the time (s) at which
+    the expert met the target in its dry run, `frames` the length of its episode. `start` and `end` are hashes of the first frame
+    and of the whole state log: another machine, or another version, has the same physics where they are the same.
     """
 
     spec: EpisodeSpec
@@ -33,6 +34,7 @@ class Case:
     frames: int
     start: str
     end: str
+    rules: Rules = STRICT
 
     @property
     def target_motion(self) -> TargetMotion:
@@ -52,7 +54,7 @@ class Case:
     def from_dict(cls, values: dict[str, Any]) -> "Case":
         """Inverse of `to_dict`. Raises ValueError, TypeError or KeyError for something else."""
         motion = TargetMotion.from_json(json.dumps(values["motion"])).to_json()
-        return cls(**(values | {"spec": EpisodeSpec(**values["spec"]), "motion": motion}))
+        return cls(**(values | {"spec": EpisodeSpec(**values["spec"]), "motion": motion, "rules": Rules(**values["rules"])}))
 
 
 def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:
@@ -73,21 +75,21 @@ def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
 
 
 @lru_cache(maxsize=8)
-def expert(spec: EpisodeSpec, fps: int) -> Rollout:
+def expert(spec: EpisodeSpec, fps: int, rules: Rules = STRICT) -> Rollout:
     """The expert's rollout of a spec; the latest ones are remembered. Raises Failure where it does not solve it."""
-    return attempt(spec, Recipe.model_validate({"fps": fps}), Phases())
+    return attempt(spec, Recipe.model_validate({"fps": fps, "rules": rules.name, "contact": rules.contact}), Phases())
 
 
-def admit(spec: EpisodeSpec, fps: int) -> Case:
+def admit(spec: EpisodeSpec, fps: int, rules: Rules = STRICT) -> Case:
     """The case of a spec. Raises Failure where the expert does not solve it."""
-    rollout = expert(spec, fps)
-    log = rollout.replay.log
-    return Case(spec, rollout.motion.to_json(), rollout.meeting, len(log), start_hash(log.poses[0], log.qpos[0]), log_hash(log))
+    rollout = expert(spec, fps, rules)
+    log, motion = rollout.replay.log, rollout.motion.to_json()
+    return Case(spec, motion, rollout.meeting, len(log), start_hash(log.poses[0], log.qpos[0]), log_hash(log), rules)
 
 
 def expert_actions(case: Case, fps: int) -> NDArray[np.float64]:
     """The expert's recorded actions (T,A), one a control period."""
-    return expert(case.spec, fps).replay.log.action[:-1]
+    return expert(case.spec, fps, case.rules).replay.log.action[:-1]
 
 
 __all__ = ["Case", "Failure", "admit", "expert", "expert_actions", "log_hash", "start_hash"]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ToolPoses, checked, joint_limits, pose_action_names
 from pipeline.evaluate.case import Case, admit
@@ -64,6 +65,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         camera_type: str = "D435",
         actions: str = "joint",
         instructions: str = "unseen",
+        rules: Rules = STRICT,
         render_mode: str | None = None,
     ) -> None:
         if actions not in ACTIONS:
@@ -74,7 +76,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self._spec = EpisodeSpec(task, robot.name, level, alpha, domain, 0, 0)
         self._cameras, self._camera_type, self._actions, self._split = tuple(cameras), camera_type, actions, instructions
         self.render_mode, self.task = render_mode, task
-        self.fps = DEFAULT_FPS
+        self.fps, self._rules = DEFAULT_FPS, rules
         limits = joint_limits(robot)
         self.action_names = limits.names if actions == "joint" else pose_action_names()
         if actions == "joint":
@@ -116,7 +118,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         if case is None:
             case = self._case(int(self.np_random.integers(1 << 31)) if seed is None else seed)
         self._close_eyes()
-        scene = build_scene(case.spec)
+        scene = build_scene(case.spec, case.rules)
         self._trial = Trial(scene, case.target_motion, self.fps)
         self.task_description = instruction_of(scene, self._split)
         needed = dict.fromkeys((*self._cameras, *(("head_camera",) if self.render_mode else ())))
@@ -170,7 +172,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         last: Failure | None = None
         for number in range(TRIES):
             try:
-                return admit(self._with_seed(derived_seed(seed, number)), self.fps)
+                return admit(self._with_seed(derived_seed(seed, number)), self.fps, self._rules)
             except Failure as failure:
                 last = failure
         raise NoCase(f"the expert solves none of {TRIES} scenes of {self._spec.task} drawn from seed {seed}; the last: {last}")

@@ -36,7 +36,7 @@ class EpisodeJob:
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes this episode another one than the others in a file of results."""
-        options = (self.cameras, self.camera_type, self.split, self.compounding, self.fps)
+        options = (self.cameras, self.camera_type, self.split, self.compounding, self.fps, self.case.rules.label)
         return (self.code, self.policy.label, self.clock.name, self.case.spec.to_json(), self.case.digest, options)
 
 
@@ -53,7 +53,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
     """
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
-        scene = build_scene(spec)
+        scene = build_scene(spec, job.case.rules)
         trial = Trial(scene, job.clock.motion(job.case.target_motion), job.fps)
         eyes = Eyes(scene, job.cameras, job.camera_type) if job.cameras else None
     same = start_hash(trial.simulation.poses(), trial.simulation.qpos()[0]) == job.case.start
@@ -85,8 +85,15 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
             eyes.close()
     with spent("score"):
         result = asdict(score(trial, job.compounding))
-    cell = {k: v for k, v in asdict(spec).items() if k != "slot"}
-    row = {"policy": job.policy.label, "clock": job.clock.name, **cell, "category": scene.task.category, "ending": trial.ending}
+    cell = {k: v for k, v in asdict(spec).items() if k not in ("slot", "slot_seed")}
+    row = {
+        "policy": job.policy.label,
+        "clock": job.clock.name,
+        "rules": job.case.rules.label,
+        **cell,
+        "category": scene.task.category,
+        "ending": trial.ending,
+    }
     row |= result | {"penalties": list(result["penalties"]), "failed": list(result["failed"])}
     row |= {"periods": round(trial.time * job.fps), "asked": asked, "same_start": same, "sees_truth": isinstance(policy, SeesTruth)}
     return row | {"seconds_spent": dict(spent.seconds)}

@@ -7,6 +7,7 @@ from typing import Any
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.recipe import Cell
+from pipeline.data.rules import STRICT, Rules
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
@@ -29,6 +30,7 @@ class Evaluation:
     split: str = "unseen"
     compounding: bool = False
     code: str = ""
+    rules: Rules = STRICT
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def evaluate(
     Manifests of seeds are read from and kept in `manifests`, by default OUT/manifests. Raises ProtocolError, ResultsError and what
     the policy raises; rows that are finished stay.
     """
-    results, seeds = Results(out / "episodes.jsonl"), Manifests(manifests or out / "manifests", wanted.seed)
+    results, seeds = Results(out / "episodes.jsonl"), Manifests(manifests or out / "manifests", wanted.seed, rules=wanted.rules)
     tell("admitting seeds")
     admitted = seeds.admitted(wanted.cells, wanted.episodes, run)
     jobs = {text_key(job.key): job for cases in admitted.values() for job in (_job(wanted, case) for case in cases)}

@@ -14,11 +14,12 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe import Cell
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.case import Case, admit
 from pipeline.stages.failure import Failure
 
-SCHEMA = 1
+SCHEMA = 2
 
 Runner = Callable[[Callable[[], Callable[[Any], Any]], Sequence[Any]], Iterator[tuple[Any, Any]]]
 """Runs jobs here or on workers and yields (job, result) in any order; it is given what makes the work (run/pool.py, Make)."""
@@ -89,15 +90,16 @@ class Manifest:
 
 @dataclass(frozen=True)
 class Manifests:
-    """A directory of manifests, one a cell."""
+    """A directory of manifests, one a cell, in one directory for each set of rules."""
 
     root: Path
     seed: int = 0
     fps: int = DEFAULT_FPS
+    rules: Rules = STRICT
 
     def path(self, cell: Cell) -> Path:
         """Where the manifest of a cell is."""
-        return self.root / f"seed{self.seed}" / f"{cell.path}.json"
+        return self.root / f"seed{self.seed}" / self.rules.label / f"{cell.path}.json"
 
     def read(self, cell: Cell) -> Manifest:
         """The manifest of a cell, an empty one where there is none yet. Raises ProtocolError for a file that is none of it."""
@@ -108,8 +110,9 @@ class Manifests:
             found = Manifest.from_json(path.read_bytes())
         except (ValueError, TypeError, KeyError) as error:
             raise ProtocolError(f"{path}: is no manifest of seeds ({error}): delete it to draw them again") from error
-        if (found.cell, found.first, found.fps) != (cell, first_seed(self.seed), self.fps):
-            raise ProtocolError(f"{path}: is the manifest of another cell, seed or rate: delete it to draw them again")
+        foreign = any(case.rules != self.rules for case in found.cases)
+        if foreign or (found.cell, found.first, found.fps) != (cell, first_seed(self.seed), self.fps):
+            raise ProtocolError(f"{path}: is the manifest of another cell, seed, rate or rules: delete it to draw them again")
         return found
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
@@ -120,7 +123,7 @@ class Manifests:
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}
-            jobs = [SeedJob(cell, seed, self.fps) for cell, batch in batches.items() for seed in batch]
+            jobs = [SeedJob(cell, seed, self.fps, self.rules) for cell, batch in batches.items() for seed in batch]
             found: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
             for job, result in run(admission, jobs):
                 found[job.cell][job.seed] = result
@@ -137,6 +140,7 @@ class SeedJob:
     cell: Cell
     seed: int
     fps: int
+    rules: Rules = STRICT
 
     @property
     def spec(self) -> EpisodeSpec:
@@ -153,6 +157,6 @@ def admission() -> Callable[[SeedJob], Case | str]:
 def try_seed(job: SeedJob) -> Case | str:
     """The case of a seed, or why the expert does not solve it."""
     try:
-        return admit(job.spec, job.fps)
+        return admit(job.spec, job.fps, job.rules)
     except Failure as failure:
         return f"{failure.stage}: {failure.reason}"

@@ -23,7 +23,8 @@ class Trial:
     """A settled simulation under a policy. `ending` is "" while it runs, then SUCCESS, OUT_OF_VIEW or TIME_LIMIT.
 
     The target follows `motion` as in generation until something touches it. The trial ends as a success when all success
-    conditions of the task have held for HOLD_FRAMES control periods after the first touch (nothing succeeds by itself), as a
+    conditions of the task have held for HOLD_FRAMES control periods after the first touch (nothing succeeds by itself; for one
+    under domino rules), as a
     failure when the middle of a target that moves by itself leaves the image of the head camera, and at the task's step limit,
     counted in control periods of simulated time. Raises Failure("unstable") where the scene does not come to rest.
     """
@@ -101,7 +102,7 @@ class Trial:
             if not visible(self._head.type, self._head.pose, at + self._middle):
                 self.ending = OUT_OF_VIEW
                 return
-        if self._held >= HOLD_FRAMES:
+        if self._held >= (1 if self.scene.rules.name == "domino" else HOLD_FRAMES):
             self.ending = SUCCESS
         elif simulation.steps >= self.max_steps:
             self.ending = TIME_LIMIT

@@ -100,8 +100,8 @@ def exact_place(motion: TargetMotion, limits: Limits) -> bool:
 
 def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
     reasons = np.full(len(next(iter(checks.values()))), "", dtype=object)
-    for reason in (r for r in REASONS if r in checks):
-        reasons[(reasons == "") & ~checks[reason]] = reason
+    for reason in (r for r in reversed(REASONS) if r in checks):
+        reasons[~np.asarray(checks[reason])] = reason
     return reasons
 
 

@@ -1,6 +1,6 @@
 """From an accepted rollout to an episode file, and from an episode file to one with new images or new sentences."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.assets import AssetStore
 from pipeline.data.cameras import View
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode import Episode, EpisodeFile
 from pipeline.data.episode_writer import write_episode
@@ -52,8 +53,12 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         clutter=scene.clutter,
         table_drop=table_drop(scene.spec),
         meeting_time=rollout.meeting,
-        average_speed=rollout.motion.average_speed(),
-        maximum_speed=rollout.motion.maximum_speed(),
+        **asdict(rollout.motion.features()),
+        rules=scene.rules.name,
+        contact="stop" if scene.rules.stops(task.category) else "continue",
+        physics_hz=PHYSICS_HZ,
+        step_limit=task.step_limit,
+        workspace=(task.workspace.x_min, task.workspace.x_max, task.workspace.y_min, task.workspace.y_max),
         drawing=drawing,
         physics_id=physics_id(scene.spec, rollout.replay.log),
         physics_key=keys.physics.digest,

@@ -37,7 +37,7 @@ def without_times(row):
         ("replay", 3, True),
         ("static", 0, True),
         ("static", 1, False),
-        ("chaser", 3, True),
+        ("chaser", 2, True),
         ("interceptor", 1, True),
         ("interceptor", 3, False),
         ("interceptor:delay=0.8", 1, False),
