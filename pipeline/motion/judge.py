@@ -61,7 +61,8 @@ def judge_shapes(paths: Paths, limits: Limits) -> NDArray[np.object_]:
         room = np.linalg.norm(_corners(limits) - limits.end[:2], axis=-1).max()
         checks["workspace"] = np.linalg.norm(paths.coefficients[:, 0, :, 0] - limits.end[:2], axis=-1) <= room
     else:
-        checks["workspace"] = limits.workspace.guarded(limits.end[:2]).contains(_samples(paths)).all(-1)
+        inside = limits.workspace.guarded(limits.end[:2]).contains(_samples(paths))
+        checks["workspace"] = np.asarray(inside.all(-1))
     if limits.level == 3:
         checks["smooth"] = speeds.abrupt >= ABRUPT * limits.alpha
     if limits.end_speed_limit is not None:
