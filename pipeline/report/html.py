@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.html import render_page
+from pipeline.report.speed_law import Law
 
 
 @dataclass(frozen=True)
@@ -82,11 +83,21 @@ class SpeedPlot:
 
 
 @dataclass(frozen=True)
+class Moves:
+    """How the targets of a group move, as drawn and as accepted; None where there is no such motion."""
+
+    title: str
+    drawn: Law | None
+    accepted: Law | None
+
+
+@dataclass(frozen=True)
 class CellCard:
-    """The outcomes of one cell, films of some of its episodes, and why others have no film."""
+    """The outcomes of one cell, how its targets move, films of some of its episodes, and why others have no film."""
 
     subtitle: str
     outcomes: Sequence[Bar]
+    moves: Moves
     strips: Sequence[Strip]
     unseen: Sequence[str]
 
@@ -108,6 +119,7 @@ class Report:
     tiles: Mapping[str, str]
     outcomes: Sequence[Bar]
     speeds: Sequence[SpeedPlot]
+    moves: Sequence[Moves]
     extras: Sequence[Section]
     tasks: Sequence[TaskSection]
 

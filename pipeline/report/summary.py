@@ -16,7 +16,20 @@ from pipeline.data.episode import EpisodeError, open_episode
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.contact_sheet import encode, subtitle
 from pipeline.report.film_strip import film
-from pipeline.report.html import Bar, CellCard, Figure, Report, Section, SpeedPlot, Strip, TaskSection, report_page, speed_histogram
+from pipeline.report.html import (
+    Bar,
+    CellCard,
+    Figure,
+    Moves,
+    Report,
+    Section,
+    SpeedPlot,
+    Strip,
+    TaskSection,
+    report_page,
+    speed_histogram,
+)
+from pipeline.report.speed_law import drawn_and_accepted, law
 
 COLUMNS = 6
 FILM_WIDTH = 256  # pixels; six of them fill a page
@@ -59,8 +72,8 @@ def write_report(
     """Write the report of a dataset and return its path.
 
     `attempts` has the columns task, embodiment, level, alpha, domain, slot, attempt, seed, outcome ("accepted" or "failed"),
-    stage, reason, sim_steps and seconds. `extras` are more parts, shown before the cells. Raises EpisodeError, naming the file,
-    for an episode that cannot be read.
+    stage, reason, sim_steps and seconds, and those of speed_law.py where a motion was drawn. `extras` are more parts, shown before
+    the cells. Raises EpisodeError, naming the file, for an episode that cannot be read.
     """
     seen = [observe(path) for path in episodes]
     by_cell: dict[Cell, list[Observation]] = defaultdict(list)
@@ -80,6 +93,7 @@ def write_report(
         tiles=_summary(seen, attempts),
         outcomes=_outcomes(attempts),
         speeds=_speeds(seen),
+        moves=_moves(attempts),
         extras=extras,
         tasks=[TaskSection(title, cards) for title, cards in tasks.items()],
     )
@@ -133,6 +147,19 @@ def _speeds(seen: Sequence[Observation]) -> list[SpeedPlot]:
     return plots
 
 
+def _moves(rows: Sequence[Mapping[str, Any]]) -> list[Moves]:
+    groups: dict[tuple[int, float], list[Mapping[str, Any]]] = defaultdict(list)
+    for row in rows:
+        groups[int(row["level"]), float(row["alpha"])].append(row)
+    found = [_moved(f"level {level}, alpha {alpha:g}", members) for (level, alpha), members in sorted(groups.items())]
+    return [moves for moves in found if moves.drawn]
+
+
+def _moved(title: str, rows: Sequence[Mapping[str, Any]]) -> Moves:
+    drawn, accepted = drawn_and_accepted(rows)
+    return Moves(title, law(drawn), law(accepted))
+
+
 def _cell_card(cell: Cell, rows: Sequence[Mapping[str, Any]], shown: Sequence[Observation]) -> CellCard:
     task, embodiment, level, alpha, domain = cell
     strips, unseen = [], []
@@ -145,4 +172,4 @@ def _cell_card(cell: Cell, rows: Sequence[Mapping[str, Any]], shown: Sequence[Ob
         figures = [Figure(encode(s.rgb, quality=80), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
         strips.append(Strip(figures, COLUMNS))
     words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace("  |  ", " · ")
-    return CellCard(words, _outcomes(rows), strips, unseen)
+    return CellCard(words, _outcomes(rows), _moved(words, rows), strips, unseen)

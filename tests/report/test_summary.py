@@ -15,7 +15,8 @@ from pipeline.data.jpeg import decode_frame
 from pipeline.html import render_page
 from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import MEETING_COLOR, draw_path, film, pick_frames, target_path
-from pipeline.report.html import Bar, CellCard, Figure, Report, Section, Strip, TaskSection, report_page, speed_histogram
+from pipeline.report.html import Bar, CellCard, Figure, Moves, Report, Section, Strip, TaskSection, report_page, speed_histogram
+from pipeline.report.speed_law import Law
 from pipeline.report.summary import observe, write_report
 from tests.synthetic import COLORS, HALF, SPEED, episode_path, make_episode, square_corner
 
@@ -150,6 +151,16 @@ def test_the_histogram_puts_counts_and_alpha_in_their_places():
     assert (h.alpha_x, h.top) == pytest.approx((8 + 344 * 0.1 / top, top))
 
 
+def test_drawn_and_accepted_motions_stand_beside_each_other_for_the_level_and_for_the_cell(tmp_path):
+    fast = {"average_speed": 0.09, "end_speed": 0.09, "maximum_speed": 0.09, "displacement": 0.3}
+    slow = {"average_speed": 0.01, "end_speed": 0.01, "maximum_speed": 0.01, "displacement": 0.04}
+    rows = [attempt(outcome="failed", **fast), attempt(attempt=1, **slow)]
+    text = write_report(tmp_path, [make_episode(episode_path(tmp_path, level=1), level=1)], rows).read_text()
+    drawn = "<td>drawn</td><td>1</td><td>0.0900</td><td>0.0900</td><td>0.300</td><td>0 %</td><td>0 %</td><td>100 %</td>"
+    accepted = "<td>accepted</td><td>1</td><td>0.0100</td><td>0.0100</td><td>0.040</td><td>100 %</td><td>100 %</td><td>0 %</td>"
+    assert text.count(drawn) == text.count(accepted) == 2
+
+
 def test_the_page_draws_the_histogram(dataset):
     svg = dataset[2][dataset[2].index("<svg") : dataset[2].index("</svg>")]
     # two episodes of level 1, both at SPEED all the time: one filled and one outlined rectangle of full height
@@ -169,13 +180,16 @@ def test_hostile_names_are_escaped_wherever_they_stand(tmp_path):
     written = write_report(tmp_path / HOSTILE.replace("/", ""), [], rows, []).read_text()
     bars = [Bar(HOSTILE, 1, False)]
     strips = [Strip([Figure(b"", f'" onload={HOSTILE}')], 1)]
-    card = CellCard(HOSTILE, bars, strips, [HOSTILE])
-    shown = Report(HOSTILE, HOSTILE, {HOSTILE: HOSTILE}, bars, [], [Section(HOSTILE, strips)], [TaskSection(HOSTILE, [card])])
+    moves = Moves(HOSTILE, Law(3, 0.1, 0.1, 0.2, 0.0, 0.0, 1.0), None)
+    card = CellCard(HOSTILE, bars, moves, strips, [HOSTILE])
+    sections, tasks = [Section(HOSTILE, strips)], [TaskSection(HOSTILE, [card])]
+    shown = Report(HOSTILE, HOSTILE, {HOSTILE: HOSTILE}, bars, [], [moves], sections, tasks)
     assert "<script" not in written and written.count(ESCAPED) >= 4
     text = report_page(shown)
     tags = parse(text)
     assert {tag for tag, _ in tags.seen} <= {"html", "head", "meta", "title", "style", "body", "nav", "a", "article", "header"} | {
-        *("h1", "h2", "h3", "p", "div", "span", "b", "i", "figure", "img", "figcaption")
+        *("h1", "h2", "h3", "p", "div", "span", "b", "i", "figure", "img", "figcaption"),
+        *("table", "thead", "tbody", "tr", "th", "td"),
     }
     assert all("onload" not in attrs for _, attrs in tags.seen)
     assert text.count(ESCAPED) >= 14 and "<script" not in text
