@@ -157,10 +157,14 @@ def kolmogorov_smirnov(relative: Sequence[float]) -> tuple[float, float]:
 
 
 def reasons(tries: Sequence[Try]) -> str:
-    """Markdown: why attempts failed, per robot and task."""
-    counts = Counter((t.spec.embodiment, t.spec.task, t.reason) for t in tries if t.reason)
+    """Markdown: why attempts failed, per robot and task, with the conditions that did not hold."""
+    counts = Counter((t.spec.embodiment, t.spec.task, _said(t)) for t in tries if t.reason)
     rows = ["| robot | task | stage and reason | attempts |", "|---|---|---|---:|"]
     return "\n".join(rows + [f"| {robot} | {task} | {reason} | {n} |" for (robot, task, reason), n in sorted(counts.items())])
+
+
+def _said(t: Try) -> str:
+    return f"{t.reason} ({t.detail.rpartition(': ')[2]})" if t.reason.endswith("no_success") else t.reason
 
 
 def cost(tries: Sequence[Try]) -> float:
