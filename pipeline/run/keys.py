@@ -3,8 +3,8 @@
 `physics`: the slot and the recipe's parameters, the core (everything that the three stages import), the sources of this task, of
 its object families and of this robot, and the versions of the packages whose numbers matter. `render`, on top of it: preset,
 cameras, sensors and visuals, the renderer with its shaders, and the modules that only give things their look. `language`, on top
-of the physics: templates and grammar. An episode drawn again from its state log keeps the physics, the looks and the language
-that it had: `redrawn_keys` needs neither its task nor its robot.
+of the physics: templates, descriptions of the task's object families and grammar. An episode drawn again from its state log keeps
+the physics, the looks and the language that it had: `redrawn_keys` needs neither its task nor its robot.
 """
 
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ from pipeline.world.robots import MODELS
 
 CORE = ("pipeline.stages.attempt",)
 DRAWING = ("pipeline.stages.render",)
-LANGUAGE = ("pipeline.tasks.language",)
+LANGUAGE = ("pipeline.tasks.language", "pipeline.world.objects.words")
 
 REGISTERED = ("pipeline.tasks.library", "pipeline.world.objects.families", "pipeline.world.robots.models")
 """Packages whose modules register themselves: the core imports them all, a slot uses a few, which are parts of their own."""
@@ -102,7 +102,7 @@ def code_version() -> str:
     root = sources.package_root()
     robots = [m for name in MODELS for m in _robot_files(root, name)]
     known = sources.closure(root, [*CORE, *DRAWING, *LANGUAGE, *_modules_of([*TASKS.values(), *FAMILIES.values()]), *robots])
-    files = [_files_hash(root, where) for where in ("world/shaders", "tasks/library/phrases")]
+    files = [_files_hash(root, where) for where in ("world/shaders", "tasks/library/phrases", "world/objects/phrases")]
     return digest([sources.sources_hash(root, known), files, _packages(root, known)])
 
 
@@ -150,7 +150,12 @@ def _looks(root: Path, task: str, embodiment: str, randomized: bool) -> str:
 
 @cache
 def _language(root: Path, task: str) -> dict[str, str]:
-    return {"phrases": _files_hash(root, f"tasks/library/phrases/{task}.txt"), "grammar": sources.sources_hash(root, LANGUAGE)}
+    named = families_of(root, {m for m in _task_modules(root, task) if m.startswith(REGISTERED[0])})
+    return {
+        "phrases": _files_hash(root, f"tasks/library/phrases/{task}.txt"),
+        "descriptions": digest({name: _files_hash(root, f"world/objects/phrases/{name}.txt") for name in sorted(named)}),
+        "grammar": sources.sources_hash(root, LANGUAGE),
+    }
 
 
 def _task_modules(root: Path, task: str) -> frozenset[str]:

@@ -1,13 +1,11 @@
-"""Small helpers every family uses: drawing from lists, marking frames, and words that are true of the sampled parameters."""
+"""Small helpers every family uses: drawing from lists, marking frames, and words for sizes."""
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.poses import Pose, frame
-from pipeline.world.objects.contract import Words
 
 COLOURS = (
     "red", "green", "blue", "yellow", "orange", "purple", "pink", "teal", "cyan", "magenta", "lime", "navy", "maroon", "coral",
@@ -48,25 +46,3 @@ def size_word(value: float, bounds: Range, words: tuple[str, str, str] = ("small
     """Which third of the family's range a value lies in, as a word."""
     share = (value - bounds[0]) / (bounds[1] - bounds[0])
     return words[min(2, max(0, int(3 * share)))]
-
-
-def describe(
-    noun: str, colour: str, *, size: str = "", material: str = "", traits: Sequence[str] = (), unseen: Sequence[str] = ()
-) -> Words:
-    """Words from true statements: seen phrases combine colour, size, material and `traits` ("with a black cap").
-
-    `unseen` are other nouns or phrases; "{colour}" in them is filled in.
-    """
-    seen = [noun, f"{colour} {noun}"]
-    if size:
-        seen += [f"{size} {noun}", f"{size} {colour} {noun}"]
-    if material:
-        seen += [f"{colour} {material} {noun}", f"{material} {noun}"]
-    for trait in traits:
-        seen += [f"{noun} {trait}", f"{colour} {noun} {trait}"]
-    phrases = tuple(dict.fromkeys(_english(s) for s in seen))
-    return Words(noun, phrases[:8], tuple(_english(u.format(colour=colour)) for u in unseen))
-
-
-def _english(phrase: str) -> str:
-    return re.sub(r"\ba (?=[aeiou])", "an ", " ".join(phrase.split()))

@@ -1,8 +1,10 @@
 """Every registered family against its contract: determinism, geometry, grasps that hold material, words, rest, hollowness."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import astuple
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -133,8 +135,7 @@ def test_a_pinch_beside_the_object_or_of_the_wrong_width_would_be_noticed():
 def test_words_are_true_and_plenty(name):
     for one in drawn(name):
         words = one.words()
-        assert 4 <= len(words.seen) <= 8
-        assert 2 <= len(words.unseen) <= 3
+        assert (len(words.seen), len(words.unseen)) == (12, 3)
         assert len(set(words.seen) | set(words.unseen)) == len(words.seen) + len(words.unseen)
         assert words.noun in words.seen
         assert all(p == p.strip() and "{" not in p and not p.lower().startswith(("a ", "the ")) for p in words.seen + words.unseen)
@@ -142,6 +143,43 @@ def test_words_are_true_and_plenty(name):
         named = {c for c in (*PALETTE, *WOODS) for p in words.seen if f" {c} " in f" {p} "}
         compound = {part for v in own for part in v.split()} | own
         assert named <= compound, (named - compound, one)
+
+
+SIZES = [("small", "large"), ("short", "tall"), ("short", "long"), ("narrow", "wide"), ("low", "tall"), ("thin", "thick"),
+         ("slim", "thick")]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_words_of_size_follow_a_measure_of_the_object(name):
+    """Some parameter of the family (or the area hx times hy) separates the instances that are called small, medium-sized, large."""
+    called: dict[str, list[dict[str, float]]] = {}
+    ones = [FAMILIES[name].draw(rng(seed)) for seed in range(60)]
+    first = [{phrase.split()[0] for phrase in one.words().seen} for one in ones]
+    for one, said in zip(ones, first, strict=True):
+        values = {k: v for k, v in vars(one).items() if isinstance(v, float)}
+        values["area"] = values.get("hx", 1.0) * values.get("hy", 1.0)
+        size = (said - set.intersection(*first)) & {word for pair in SIZES for word in (*pair, "medium-sized")}
+        called.setdefault(min(size) if len(size) == 1 else "", []).append(values)
+    if set(called) == {""}:
+        assert name == "drawer"
+        return
+    least, most = next(pair for pair in SIZES if {*pair, "medium-sized"} >= set(called))
+    order = [called[word] for word in (least, "medium-sized", most) if word in called]
+    assert len(order) >= 2
+    assert any(
+        all(max(v[key] for v in low) <= min(v[key] for v in high) for low, high in pairwise(order)) for key in order[0][0]
+    ), name
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if hasattr(drawn(n)[0], "form")])
+def test_words_of_shape_are_those_of_the_instance(name):
+    drawn_ones = [FAMILIES[name].draw(np.random.default_rng(seed)) for seed in range(30)]
+    forms = {vars(one)["form"] for one in drawn_ones}
+    assert len(forms) > 1
+    for one in drawn_ones:
+        words = one.words()
+        said = {form for form in forms for p in (*words.seen, *words.unseen) if re.search(rf"\b{form}\b", p)}
+        assert said <= {vars(one)["form"]}, one
 
 
 @pytest.fixture(scope="module")

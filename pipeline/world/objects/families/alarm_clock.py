@@ -12,7 +12,8 @@ from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Mesh, Shape
 
 HEIGHT = (0.085, 0.115)
@@ -123,16 +124,7 @@ class AlarmClock(Family):
 
     def words(self) -> Words:
         return describe(
-            "alarm clock",
-            self.colour,
-            size=size_word(self.height, HEIGHT),
-            material=self.form,
-            traits=(f"with a {self.trim} button",),
-            unseen=(
-                "{colour} clock",
-                f"{{colour}} {self.form} bedside clock",
-                f"{{colour}} clock with a {self.trim} button on top",
-            ),
+            "alarm_clock", "alarm clock", colour=self.colour, size=size_word(self.height, HEIGHT), form=self.form, button=self.trim
         )
 
 

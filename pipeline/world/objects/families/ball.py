@@ -9,7 +9,8 @@ from pipeline.world.materials import plastic, rubber
 from pipeline.world.objects.colliders import sphere_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, sphere
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.007, 0.010)
@@ -41,10 +42,4 @@ class Ball(Family):
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, 2 * self.radius), "middle": mark(0, 0, self.radius)})
 
     def words(self) -> Words:
-        return describe(
-            "ball",
-            self.colour,
-            size=size_word(self.radius, RADIUS),
-            material=self.material,
-            unseen=("{colour} sphere", "little {colour} ball", "{colour} bead"),
-        )
+        return describe("ball", "ball", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.material)

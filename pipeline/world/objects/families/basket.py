@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import arc_of_capsules, box_collider, wall
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
 from pipeline.world.objects.grasping import bar_pinches, turned
-from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Mesh, Shape
 
 LENGTH = (0.105, 0.125)  # half extent along x
@@ -97,11 +98,4 @@ class Basket(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "basket",
-            self.colour,
-            size=size_word(self.hx, LENGTH),
-            material="woven",
-            traits=(f"with a {self.handle_colour} handle",),
-            unseen=("{colour} hand basket", "{colour} wicker carrier", f"carrying basket with a {self.handle_colour} handle"),
-        )
+        return describe("basket", "basket", colour=self.colour, size=size_word(self.hx, LENGTH), handle=self.handle_colour)

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import convex_collider, cylinder_collider,
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, DARKS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, DARKS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.028, 0.034)
@@ -78,12 +79,11 @@ class Bell(Family):
         )
 
     def words(self) -> Words:
-        material = "metal" if self.finish == "metal" else "painted"
         return describe(
             "bell",
-            self.colour,
+            "bell",
+            colour=self.colour,
             size=size_word(self.radius, RADIUS),
-            material=material,
-            traits=(f"on a {self.base_colour} base",),
-            unseen=("{colour} service bell", "counter bell", "{colour} call bell with a button on top"),
+            material="metal" if self.finish == "metal" else "painted",
+            base=self.base_colour,
         )

@@ -11,7 +11,8 @@ from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.families.basket import open_box
 from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 SMALL = (0.05, 0.065)
@@ -64,12 +65,12 @@ class TableBin(Family):
 
     def words(self) -> Words:
         return describe(
+            "table_bin",
             "table bin",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.radius, SMALL),
             material=self.material,
-            traits=(f"with a {self.stripe} stripe",),
-            unseen=("small {colour} trash bin", "{colour} desk waste bin", "{colour} wastepaper basket"),
+            stripe=self.stripe,
         )
 
 
@@ -108,11 +109,10 @@ class Dustbin(Family):
     def words(self) -> Words:
         return describe(
             "dustbin",
-            self.colour,
+            "dustbin",
+            colour=self.colour,
             size=size_word(self.radius, ROUND, ("narrow", "medium-sized", "wide")),
-            material="plastic",
-            traits=(f"with a {self.rim} rim",),
-            unseen=("round {colour} trash can", "{colour} floor bin", "{colour} garbage can"),
+            rim=self.rim,
         )
 
 
@@ -162,10 +162,9 @@ class BigBin(Family):
 
     def words(self) -> Words:
         return describe(
+            "big_bin",
             "big bin",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, (0.46, 0.58), ("low", "medium-sized", "tall")),
-            material="plastic",
-            traits=(f"with a {self.rim} rim",),
-            unseen=("square {colour} trash can", "large {colour} waste container", "{colour} box on the floor"),
+            rim=self.rim,
         )

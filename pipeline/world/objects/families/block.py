@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 SIDE = (0.044, 0.056)
@@ -47,10 +48,4 @@ class Block(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "block",
-            self.colour,
-            size=size_word(self.side, SIDE),
-            material=self.material,
-            unseen=("{colour} cube", "{colour} square block", "{colour} toy brick"),
-        )
+        return describe("block", "block", colour=self.colour, size=size_word(self.side, SIDE), material=self.material)

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import convex_collider, cylinder_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
@@ -91,13 +92,9 @@ class Bottle(Family):
     def words(self) -> Words:
         return describe(
             "bottle",
-            self.colour,
+            "bottle",
+            colour=self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            material="plastic",
-            traits=(f"with a {self.cap_colour} cap",),
-            unseen=(
-                f"{{colour}} drink bottle with a {self.label_colour} label",
-                f"{self.form} {{colour}} bottle",
-                "{colour} flask",
-            ),
+            cap=self.cap_colour,
+            label=self.label_colour,
         )

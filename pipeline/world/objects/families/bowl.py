@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import disc, ring_of_boxes
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.052, 0.072)
@@ -73,12 +74,10 @@ class Bowl(Family):
         )
 
     def words(self) -> Words:
-        traits = () if self.inside == self.colour else (f"with a {self.inside} inside",)
         return describe(
             "bowl",
-            self.colour,
+            "bowl",
+            colour=self.colour,
             size=size_word(self.radius, RADIUS),
-            material="ceramic",
-            traits=traits,
-            unseen=("{colour} soup bowl", "round {colour} ceramic vessel", "{colour} cereal bowl"),
+            inside="" if self.inside == self.colour else self.inside,
         )

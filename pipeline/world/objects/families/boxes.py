@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 STYLES = ("label", "stripes", "dots", "diamond")
@@ -77,12 +78,11 @@ class PlayingCards(Family):
 
     def words(self) -> Words:
         return describe(
-            "playing cards",
-            self.colour,
+            "playing_cards",
+            "card deck",
+            colour=self.colour,
             size=size_word(self.height, (0.019, 0.027), ("thin", "medium-sized", "thick")),
-            material="boxed",
-            traits=(f"with {self.ink} print",),
-            unseen=("{colour} deck of cards", "{colour} card deck", "{colour} card box"),
+            ink=self.ink,
         )
 
 
@@ -148,12 +148,11 @@ class TeaBox(Family):
 
     def words(self) -> Words:
         return describe(
+            "tea_box",
             "tea box",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, TEA, ("short", "medium-sized", "tall")),
-            material="cardboard",
-            traits=(f"with {self.ink} print",),
-            unseen=("{colour} box of tea", "{colour} tea carton", "{colour} tea packet"),
+            ink=self.ink,
         )
 
 
@@ -203,10 +202,9 @@ class CoffeeBox(Family):
 
     def words(self) -> Words:
         return describe(
+            "coffee_box",
             "coffee box",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, COFFEE, ("short", "medium-sized", "tall")),
-            material="cardboard",
-            traits=(f"with {self.ink} print",),
-            unseen=("{colour} box of coffee", "{colour} coffee carton", "{colour} coffee pack"),
+            ink=self.ink,
         )

@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, ellipse, rounded_rectangle, scaled, sphere, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Mesh, Shape
 
 FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}  # length over width
@@ -120,10 +121,13 @@ class Bread(Family):
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
 
     def words(self) -> Words:
-        noun = {"bun": "bun", "loaf": "loaf of bread", "baguette": "baguette", "roll": "bread roll"}[self.form]
-        words = describe("bread", self.crust, size=size_word(self.width, WIDTH), traits=(f"shaped like a {noun}",))
-        seen = (*words.seen[:5], noun, f"{self.crust} {noun}")
-        return Words("bread", tuple(dict.fromkeys(seen)), (f"baked {noun}", f"{self.crust} crusted bread", "piece of bakery"))
+        return describe(
+            "bread",
+            "bread",
+            colour=self.crust,
+            size=size_word(self.width, WIDTH),
+            form="bread roll" if self.form == "roll" else self.form,
+        )
 
 
 def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

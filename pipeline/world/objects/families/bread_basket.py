@@ -11,7 +11,8 @@ from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.families.basket import TONES, open_box
 from pipeline.world.objects.geometry import at, box, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.085, 0.115)
@@ -74,11 +75,4 @@ class BreadBasket(Family):
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}, tuple(rim))
 
     def words(self) -> Words:
-        return describe(
-            "bread basket",
-            self.colour,
-            size=size_word(self.hx, LENGTH),
-            material="woven",
-            traits=(f"with a {self.cloth} cloth",),
-            unseen=("{colour} wicker tray", "shallow {colour} basket", f"{{colour}} bakery basket lined in {self.cloth}"),
-        )
+        return describe("bread_basket", "bread basket", colour=self.colour, size=size_word(self.hx, LENGTH), cloth=self.cloth)

@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import box_collider, capsule_between, wall
 from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
 WIDTH = (0.14, 0.17)  # half extent along x
@@ -93,9 +94,7 @@ class Drawer(Family):
         return NamedFrames(points, tuple(grips))
 
     def words(self) -> Words:
-        return describe(
-            "drawer", self.colour, traits=(f"with a {self.handle_colour} handle",), unseen=("{colour} sliding box", "pull-out box")
-        )
+        return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
 
 
 @register("cabinet")
@@ -183,9 +182,11 @@ class Cabinet(Family):
     def words(self) -> Words:
         return describe(
             "cabinet",
-            self.colour,
+            "cabinet",
+            colour=self.colour,
             size=size_word(self.hx, WIDTH),
             material="wooden" if self.colour in WOODS else "painted",
-            traits=(f"with a {self.drawer_colour} drawer",),
-            unseen=("{colour} drawer unit", "small {colour} chest", f"{{colour}} box with a {self.handle_colour} pull handle"),
+            plain="" if self.colour in WOODS else "painted",
+            drawer=self.drawer_colour,
+            handle=self.handle_colour,
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, band, box, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.085, 0.125)
@@ -67,10 +68,5 @@ class Can(Family):
 
     def words(self) -> Words:
         return describe(
-            "can",
-            self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            material="metal",
-            traits=(f"with {self.ink} print",),
-            unseen=("{colour} soda can", "{colour} drink can", f"{{colour}} tin with {self.ink} lettering"),
+            "can", "can", colour=self.colour, size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")), ink=self.ink
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import disc, ring_of_boxes
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.028, 0.034)
@@ -62,10 +63,5 @@ class Cup(Family):
 
     def words(self) -> Words:
         return describe(
-            "cup",
-            self.colour,
-            size=size_word(self.radius, RADIUS),
-            material=self.material,
-            traits=(f"with a {self.stripe} stripe",),
-            unseen=("{colour} tumbler", "{colour} drinking cup", "handleless {colour} cup"),
+            "cup", "cup", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.material, stripe=self.stripe
         )

@@ -9,7 +9,8 @@ from pipeline.world.materials import glaze, metal, painted, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.055, 0.075)
@@ -65,10 +66,11 @@ class DisplayStand(Family):
 
     def words(self) -> Words:
         return describe(
+            "display_stand",
             "display stand",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.radius, RADIUS),
             material="wooden" if self.material == "wood" else self.material,
-            traits=(f"with a {self.form} plate",),
-            unseen=("{colour} pedestal", f"{self.form} {{colour}} podium", "{colour} cake stand"),
+            plain="" if self.material == "wood" else self.material,
+            form=self.form,
         )

@@ -11,8 +11,9 @@ from pipeline.world.objects.colliders import ALONG_Y, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
 from pipeline.world.objects.surface import join
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.13, 0.165)
@@ -91,11 +92,11 @@ class Fan(Family):
     def words(self) -> Words:
         return describe(
             "fan",
-            self.colour,
+            "fan",
+            colour=self.colour,
             size=size_word(self.height, HEIGHT),
-            material="plastic",
-            traits=(f"with {self.blade_colour} blades",),
-            unseen=("{colour} desk fan", "{colour} table ventilator", f"{{colour}} electric fan with {self.blades} blades"),
+            blade=self.blade_colour,
+            blades=("three", "four", "five")[self.blades - 3],
         )
 
 

@@ -9,7 +9,8 @@ from pipeline.world.materials import fabric, painted, rubber, wood
 from pipeline.world.objects.colliders import box_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 COASTER = (0.042, 0.055)
@@ -62,11 +63,13 @@ class Coaster(Family):
     def words(self) -> Words:
         return describe(
             "coaster",
-            self.colour,
+            "coaster",
+            colour=self.colour,
             size=size_word(self.radius, COASTER),
             material="wooden" if self.material == "wood" else self.material,
-            traits=(f"with a {self.ring} ring",),
-            unseen=(f"{self.form} {{colour}} coaster", "{colour} drink mat", f"{self.form} cup mat"),
+            plain="" if self.material == "wood" else self.material,
+            form=self.form,
+            ring=self.ring,
         )
 
 
@@ -106,11 +109,4 @@ class Mat(Family):
         return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
 
     def words(self) -> Words:
-        return describe(
-            "mat",
-            self.colour,
-            size=size_word(self.hx, MAT),
-            material="cloth",
-            traits=(f"with a {self.border} border",),
-            unseen=("{colour} rug", "{colour} cloth rectangle", "{colour} doormat"),
-        )
+        return describe("mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border)

@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import ALONG_X, cylinder_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Collider, Shape
 
 LENGTH = (0.17, 0.23)
@@ -83,11 +84,11 @@ class Hammer(Family):
         )
 
     def words(self) -> Words:
-        colour = f"{self.colour} wood" if self.grip == "wood" else self.colour
         return describe(
             "hammer",
-            self.colour if self.grip == "rubber" else "wooden",
+            "hammer",
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            traits=(f"with a {colour} grip", f"with a {self.head_colour} head"),
-            unseen=(f"mallet with a {self.head_colour} head", f"mallet with a {colour} grip", "hand hammer"),
+            grip=self.colour if self.grip == "wood" else f"{self.colour} rubber",
+            hafted="wooden-handled" if self.grip == "wood" else "rubber-handled",
+            head=self.head_colour,
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import PITCHES, box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.18, 0.215)
@@ -57,9 +58,9 @@ class LongBlock(Family):
 
     def words(self) -> Words:
         return describe(
+            "long_block",
             "long block",
-            self.colour,
-            size=size_word(self.half, HALF, ("slim", "medium", "thick")),
-            traits=(f"with a {self.band} band",),
-            unseen=("{colour} square bar", "{colour} wooden post", "upright {colour} bar"),
+            colour=self.colour,
+            size=size_word(self.half, HALF, ("slim", "medium-sized", "thick")),
+            band=self.band,
         )

@@ -6,9 +6,10 @@ import numpy as np
 
 from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.world.objects.contract import NamedFrames, Words, register
-from pipeline.world.objects.families.bottle import Bottle
+from pipeline.world.objects.families.bottle import HEIGHT, Bottle
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import mark
+from pipeline.world.objects.kit import mark, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 
@@ -37,5 +38,11 @@ class LyingBottle(Bottle):
         return NamedFrames(points, bar_pinches(along, r, r, kind="body"))
 
     def words(self) -> Words:
-        standing = super().words()
-        return Words(standing.noun, (*standing.seen[:7], "lying bottle"), (*standing.unseen[:2], f"toppled {self.colour} bottle"))
+        return describe(
+            "lying_bottle",
+            "bottle",
+            colour=self.colour,
+            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "long")),
+            cap=self.cap_colour,
+            label=self.label_colour,
+        )

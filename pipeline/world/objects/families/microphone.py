@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import ALONG_X, box_collider, convex_colli
 from pipeline.world.objects.contract import Family, Grasp, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.18, 0.23)
@@ -117,8 +118,9 @@ class Microphone(Family):
     def words(self) -> Words:
         return describe(
             "microphone",
-            self.colour,
+            "microphone",
+            colour=self.colour,
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            traits=(f"with a {self.head_colour} head", f"with a {self.ring} ring"),
-            unseen=("{colour} mic", "handheld {colour} microphone", f"{{colour}} singer's mic with a {self.head_colour} head"),
+            head=self.head_colour,
+            ring=self.ring,
         )

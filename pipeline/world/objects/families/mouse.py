@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import ALONG_X, convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.092, 0.115)
@@ -69,11 +70,4 @@ class Mouse(Family):
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
 
     def words(self) -> Words:
-        return describe(
-            "mouse",
-            self.colour,
-            size=size_word(self.length, LENGTH),
-            material="plastic",
-            traits=(f"with a {self.wheel} wheel",),
-            unseen=("{colour} computer mouse", "wireless {colour} mouse", "{colour} pointing device"),
-        )
+        return describe("mouse", "mouse", colour=self.colour, size=size_word(self.length, LENGTH), wheel=self.wheel)

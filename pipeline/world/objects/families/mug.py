@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxe
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import handle_pinches, rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.029, 0.034)
@@ -82,12 +83,10 @@ class Mug(Family):
         )
 
     def words(self) -> Words:
-        traits = () if self.inside == self.colour else (f"with a {self.inside} inside",)
         return describe(
             "mug",
-            self.colour,
+            "mug",
+            colour=self.colour,
             size=size_word(self.radius, RADIUS),
-            material="ceramic",
-            traits=traits,
-            unseen=("{colour} coffee mug", "{colour} cup with a handle", "{colour} tea mug"),
+            inside="" if self.inside == self.colour else self.inside,
         )

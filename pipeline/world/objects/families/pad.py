@@ -9,7 +9,8 @@ from pipeline.world.materials import fabric, painted, rubber
 from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import extrude, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HALF = (0.045, 0.075)
@@ -63,8 +64,8 @@ class Pad(Family):
     def words(self) -> Words:
         return describe(
             "pad",
-            self.colour,
+            "pad",
+            colour=self.colour,
             size=size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2)),
             material=self.material,
-            unseen=("{colour} mat", "flat {colour} rectangle", "{colour} place mat"),
         )

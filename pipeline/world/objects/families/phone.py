@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import decal, extrude, rounded_rectangle
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.125, 0.152)
@@ -69,13 +70,4 @@ class Phone(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "phone",
-            self.colour,
-            size=size_word(self.height, HEIGHT),
-            traits=(
-                "in a coloured case" if self.colour not in ("black", "white", "gray") else "in a plain case",
-                f"with a {self.screen} screen",
-            ),
-            unseen=("{colour} smartphone", "{colour} mobile phone", "{colour} cell phone"),
-        )
+        return describe("phone", "phone", colour=self.colour, size=size_word(self.height, HEIGHT), screen=self.screen)

@@ -10,7 +10,8 @@ from pipeline.world.materials import metal, plastic, wood
 from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 WIDTH = (0.034, 0.045)  # half extent
@@ -88,9 +89,10 @@ class PhoneStand(Family):
 
     def words(self) -> Words:
         return describe(
+            "phone_stand",
             "phone stand",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.hx, WIDTH, ("narrow", "medium-sized", "wide")),
             material="wooden" if self.material == "wood" else self.material,
-            unseen=("{colour} phone holder", "{colour} smartphone dock", "{colour} mobile phone cradle"),
+            plain="" if self.material == "wood" else self.material,
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import cylinder_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.07, 0.1)
@@ -69,10 +70,10 @@ class PillBottle(Family):
 
     def words(self) -> Words:
         return describe(
+            "pill_bottle",
             "pill bottle",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            material="plastic",
-            traits=(f"with a {self.cap_colour} cap",),
-            unseen=("{colour} medicine bottle", "{colour} vitamin bottle", f"small {{colour}} jar with a {self.cap_colour} lid"),
+            cap=self.cap_colour,
+            ink=self.ink,
         )

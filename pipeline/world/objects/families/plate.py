@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import disc, ring_of_boxes
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
 RADIUS = (0.085, 0.12)
@@ -59,12 +60,10 @@ class Plate(Family):
         return NamedFrames({"base": mark(0, 0, 0), "centre": mark(0, 0, WALL), "top": mark(0, 0, self.height)}, grasps)
 
     def words(self) -> Words:
-        traits = () if self.rim_colour == self.colour else (f"with a {self.rim_colour} rim",)
         return describe(
             "plate",
-            self.colour,
+            "plate",
+            colour=self.colour,
             size=size_word(self.radius, RADIUS),
-            material="ceramic",
-            traits=traits,
-            unseen=("{colour} dinner plate", "round {colour} dish", "flat ceramic dish"),
+            rim="" if self.rim_colour == self.colour else self.rim_colour,
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxe
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.075, 0.10)
@@ -72,10 +73,5 @@ class Pot(Family):
 
     def words(self) -> Words:
         return describe(
-            "pot",
-            self.colour,
-            size=size_word(self.radius, RADIUS),
-            material=self.finish,
-            traits=(f"with {self.handle_colour} handles",),
-            unseen=("{colour} cooking pot", "{colour} saucepan with two handles", "{colour} kitchen pot"),
+            "pot", "pot", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.finish, handles=self.handle_colour
         )

@@ -11,7 +11,8 @@ from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.115, 0.155)
@@ -83,9 +84,10 @@ class QrSign(Family):
 
     def words(self) -> Words:
         return describe(
+            "qr_sign",
             "QR code sign",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            traits=(f"on a {self.foot_colour} foot",),
-            unseen=("{colour} payment sign", "{colour} QR stand", f"{{colour}} sign with a code on a {self.foot_colour} base"),
+            foot=self.foot_colour,
+            material="wooden" if self.foot_material == "wood" else "plastic",
         )

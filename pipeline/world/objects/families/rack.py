@@ -9,7 +9,8 @@ from pipeline.world.materials import WOODS, metal, painted, wood
 from pipeline.world.objects.colliders import arc_of_capsules, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, sphere, sweep
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.22, 0.28)
@@ -94,9 +95,10 @@ class Rack(Family):
 
     def words(self) -> Words:
         return describe(
+            "rack",
             "mug rack",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
             material="wooden" if self.material == "wood" else self.material,
-            unseen=("{colour} cup holder", "{colour} mug tree", "{colour} stand with two pegs"),
+            plain="" if self.material == "wood" else self.material,
         )

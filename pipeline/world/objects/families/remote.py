@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import decal, extrude, rounded_rectangle
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.13, 0.185)
@@ -64,10 +65,9 @@ class Remote(Family):
 
     def words(self) -> Words:
         return describe(
+            "remote",
             "remote control",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            material="plastic",
-            traits=(f"with {self.keys} keys",),
-            unseen=("{colour} TV remote", "{colour} remote", f"{{colour}} controller with {self.keys} buttons"),
+            keys=self.keys,
         )

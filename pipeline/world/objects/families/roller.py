@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import ALONG_X, box_collider, cylinder_col
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.30, 0.38)
@@ -84,12 +85,10 @@ class Roller(Family):
         )
 
     def words(self) -> Words:
-        handles = self.handle_colour or self.wood
         return describe(
+            "roller",
             "rolling pin",
-            self.wood,
+            colour=self.wood,
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            material="wooden",
-            traits=(f"with {handles} handles",),
-            unseen=("{colour} roller", "wooden dough roller", f"{{colour}} baking roller with {handles} grips"),
+            handles=self.handle_colour or self.wood,
         )

@@ -14,6 +14,7 @@ from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import mark, pick, seed, size_word
 from pipeline.world.objects.surface import join
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 SIDE = (0.050, 0.058)
@@ -61,18 +62,10 @@ class RubiksCube(Family):
         )
 
     def words(self) -> Words:
-        size, order = (
-            size_word(self.side, SIDE),
-            "scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved",
-        )
-        return Words(
+        return describe(
+            "rubiks_cube",
             "puzzle cube",
-            (
-                "puzzle cube",
-                "colourful puzzle cube",
-                f"{size} puzzle cube",
-                f"{order} puzzle cube",
-                f"puzzle cube with a {self.colour} body",
-            ),
-            ("twisty cube", f"{size} cube with coloured stickers", f"{order} magic cube"),
+            colour=self.colour,
+            size=size_word(self.side, SIDE),
+            order="scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved",
         )

@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import band, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.07, 0.10)
@@ -63,10 +64,10 @@ class SauceCan(Family):
 
     def words(self) -> Words:
         return describe(
+            "sauce_can",
             "sauce can",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            material="metal",
-            traits=(f"with {self.ink} print",),
-            unseen=("{colour} food tin", f"{{colour}} can of {self.content.lower()}", "{colour} labelled tin"),
+            ink=self.ink,
+            content="tomatoes" if self.content == "TOMATO" else self.content.lower(),
         )

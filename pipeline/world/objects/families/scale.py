@@ -9,7 +9,8 @@ from pipeline.world.materials import glaze, metal, plastic, print_texture, print
 from pipeline.world.objects.colliders import Colliders, box_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, decal, extrude, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 WIDTH = (0.07, 0.09)
@@ -70,11 +71,11 @@ class Scale(Family):
     def words(self) -> Words:
         return describe(
             "scale",
-            self.colour,
+            "scale",
+            colour=self.colour,
             size=size_word(self.hx, WIDTH),
-            material="electronic",
-            traits=(f"with a {self.form} {self.platter} plate",),
-            unseen=("{colour} kitchen scale", "digital {colour} scale", "{colour} weighing scale with a display"),
+            form=self.form,
+            platter="" if self.platter == self.colour else self.platter,
         )
 
 

@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import box_collider, cylinder_collider, di
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, side_prism
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.125, 0.155)
@@ -92,11 +93,4 @@ class Scanner(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "scanner",
-            self.colour,
-            size=size_word(self.height, HEIGHT),
-            material="plastic",
-            traits=(f"with a {self.trim} foot",),
-            unseen=("{colour} barcode scanner", "{colour} code reader", "handheld {colour} scanner"),
-        )
+        return describe("scanner", "scanner", colour=self.colour, size=size_word(self.height, HEIGHT), foot=self.trim)

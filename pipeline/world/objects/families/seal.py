@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider, cylinder_collider, di
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.085, 0.11)
@@ -76,10 +77,12 @@ class Seal(Family):
 
     def words(self) -> Words:
         return describe(
+            "seal",
             "stamp",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.height, HEIGHT),
             material="wooden" if self.material == "wood" else "plastic",
-            traits=(f"with {self.ink} ink",),
-            unseen=(f"{self.form} {{colour}} seal", "{colour} rubber stamp", "{colour} hand stamp"),
+            plain="" if self.material == "wood" else "plastic",
+            form=self.form,
+            face=self.ink,
         )

@@ -11,8 +11,9 @@ from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, scaled, sphere
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
 from pipeline.world.objects.surface import finish
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Mesh, Shape
 
 LENGTH = (0.19, 0.24)
@@ -159,11 +160,7 @@ class Shoe(Family):
 
     def words(self) -> Words:
         return describe(
-            "shoe",
-            self.colour,
-            size=size_word(self.length, LENGTH),
-            traits=(f"with a {self.sole_colour} sole", f"with {self.stripe} stripes"),
-            unseen=("{colour} sneaker", "{colour} trainer", f"{{colour}} sports shoe with a {self.sole_colour} sole"),
+            "shoe", "shoe", colour=self.colour, size=size_word(self.length, LENGTH), sole=self.sole_colour, stripes=self.stripe
         )
 
 

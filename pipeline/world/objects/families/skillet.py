@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, revolve
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 RADIUS = (0.07, 0.09)
@@ -90,11 +91,4 @@ class Skillet(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "skillet",
-            self.colour,
-            size=size_word(self.radius, RADIUS),
-            material="metal",
-            traits=(f"with a {self.handle_colour} handle",),
-            unseen=("{colour} frying pan", f"{{colour}} pan with a {self.handle_colour} handle", "{colour} cooking pan"),
-        )
+        return describe("skillet", "skillet", colour=self.colour, size=size_word(self.radius, RADIUS), handle=self.handle_colour)

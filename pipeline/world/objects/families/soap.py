@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, rounded_rectangle, scaled, sphere, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, describe, mark, pick, size_word
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
 LENGTH = (0.072, 0.095)
@@ -61,10 +62,4 @@ class Soap(Family):
         )
 
     def words(self) -> Words:
-        return describe(
-            "soap",
-            self.colour,
-            size=size_word(self.length, LENGTH),
-            material="smooth",
-            unseen=("{colour} bar of soap", "{colour} soap bar", "rounded {colour} soap piece"),
-        )
+        return describe("soap", "soap", colour=self.colour, size=size_word(self.length, LENGTH))

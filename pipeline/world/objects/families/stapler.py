@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider, convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, side_prism
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.12, 0.155)
@@ -98,9 +99,8 @@ class Stapler(Family):
     def words(self) -> Words:
         return describe(
             "stapler",
-            self.colour,
+            "stapler",
+            colour=self.colour,
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            material="plastic",
-            traits=(f"with a {self.trim} base",),
-            unseen=("{colour} paper stapler", "{colour} office stapler", f"{{colour}} stapling tool on a {self.trim} base"),
+            base=self.trim,
         )

@@ -11,7 +11,8 @@ from pipeline.world.objects.colliders import box_collider, convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, side_prism
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, describe, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.095, 0.125)
@@ -126,12 +127,11 @@ class ToyCar(Family):
         )
 
     def words(self) -> Words:
-        traits = () if self.roof == self.colour else (f"with a {self.roof} roof",)
         return describe(
+            "toy_car",
             "toy car",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            material="plastic",
-            traits=traits,
-            unseen=(f"{{colour}} toy {self.form}", "{colour} model car", "{colour} miniature vehicle"),
+            form=self.form,
+            roof="" if self.roof == self.colour else self.roof,
         )

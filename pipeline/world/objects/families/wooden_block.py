@@ -10,7 +10,8 @@ from pipeline.world.objects.colliders import box_collider, convex_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, side_prism
 from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import describe, mark, pick, seed, size_word
+from pipeline.world.objects.kit import mark, pick, seed, size_word
+from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 LENGTH = (0.06, 0.1)
@@ -68,9 +69,9 @@ class WoodenBlock(Family):
 
     def words(self) -> Words:
         return describe(
+            "wooden_block",
             "wooden block",
-            self.colour,
+            colour=self.colour,
             size=size_word(self.length, LENGTH),
-            traits=(f"shaped like a {self.form}",),
-            unseen=(f"{{colour}} {self.form}", f"wooden {self.form}", "{colour} toy block"),
+            form="trapezoid" if self.form == "wedge" else self.form,
         )

@@ -1,0 +1,62 @@
+"""Descriptions of an instance: phrases of its family in phrases/<family>.txt, filled with facts that its parameters fix."""
+
+import re
+from functools import cache
+from importlib.resources import files
+from string import Formatter
+
+from pipeline.world.objects.contract import Words
+
+SEEN, UNSEEN = 12, 3
+"""Descriptions of every object for the two splits of instructions (as many as the original has)."""
+
+
+def describe(family: str, noun: str, **facts: str) -> Words:
+    """Words of an instance: the first `SEEN` and `UNSEEN` phrases of its family whose slots are all filled by `facts`.
+
+    A slot such as {colour} stands for a fact of that name; a phrase whose fact is missing or "" is passed over, and so is one that
+    says what another one said. `noun` is the object's plain name. Raises ValueError, naming the file, where too few are left.
+    """
+    known = {name: fact for name, fact in facts.items() if fact}
+    splits, met = [], set[str]()
+    for split, phrases, wanted in zip(("seen", "unseen"), read_phrases(family), (SEEN, UNSEEN), strict=True):
+        true = [english(p.format(**known)) for p in phrases if facts_of(p) <= known.keys()]
+        found = [p for p in dict.fromkeys(true) if p not in met][:wanted]
+        if len(found) < wanted:
+            raise ValueError(f"phrases/{family}.txt gives {len(found)} {split} phrases for {known}: write at least {wanted}")
+        met |= set(found)
+        splits.append(tuple(found))
+    return Words(noun, *splits)
+
+
+@cache
+def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Seen and unseen phrases of a family. Raises ValueError, naming the file, where it is missing or malformed."""
+    where = f"phrases/{family}.txt"
+    try:
+        text = files("pipeline.world.objects").joinpath(where).read_text("utf-8")
+    except FileNotFoundError as missing:
+        raise ValueError(f"object family {family!r} has no descriptions: write {where}") from missing
+    return two_lists(text, where)
+
+
+def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The lines after a line "seen" and those after a line "unseen"; empty lines do not count.
+
+    Raises ValueError, naming the file `where`, for a text of another form.
+    """
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
+        raise ValueError(f"{where} must be a line 'seen', one entry per line, a line 'unseen' and more entries")
+    middle = lines.index("unseen")
+    return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
+
+
+def facts_of(phrase: str) -> set[str]:
+    """The slots of a phrase."""
+    return {name for _, name, _, _ in Formatter().parse(phrase) if name}
+
+
+def english(phrase: str) -> str:
+    """The phrase with single spaces and "an" before a vowel."""
+    return re.sub(r"\ba (?=[aeiou])", "an ", " ".join(phrase.split()))
