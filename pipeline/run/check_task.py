@@ -13,7 +13,8 @@ from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
-from pipeline.tasks.language import check_templates, instructions
+from pipeline.tasks.language import instructions
+from pipeline.tasks.language_check import check_templates
 from pipeline.tasks.outcome import failed
 
 SEEDS_PER_LEVEL = 12

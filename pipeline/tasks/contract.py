@@ -94,7 +94,7 @@ class Task(ABC):
     workspace: ClassVar[Workspace] = Workspace(-0.35, 0.35, -0.25, 0.25)
     seen: ClassVar[tuple[str, ...]]
     unseen: ClassVar[tuple[str, ...]]
-    least_seen: ClassVar[int] = 40
+    least_seen: ClassVar[int] = 50
     least_unseen: ClassVar[int] = 10
 
     @abstractmethod

@@ -1,26 +1,31 @@
 """Instructions in words: templates with slots, filled with true descriptions of the objects and the names of the acting arms.
 
 A template is a sentence such as "Press {bell} with {arm}.": a slot names a body of the layout ("the small red bell") or a role of
-an arm ("the left arm"). Templates carry no article before a slot. One that begins with "~" says that the target moves ("~ Catch
-{can}.") and is used only where it does.
+an arm ("the left arm"); {bell:moving} puts an adjective in front ("the moving small red bell"). Templates carry no article before a
+slot. One that begins with "~" says that the target moves ("~ Catch {can}.") and is used only where it does. What templates and
+sentences must keep to is checked by pipeline/tasks/language_check.py.
 """
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from importlib.resources import files
-from itertools import product
+from itertools import combinations, product
 from string import Formatter
 
 import numpy as np
 
 from pipeline.world.objects.contract import Words
+from pipeline.world.objects.words import two_lists
 from pipeline.world.robots.contract import SIDES
 
 MOVING = "~"
-_ARTICLE = re.compile(r"\b(the|a|an)\s+\{", re.IGNORECASE)
+_SLOT = re.compile(r"\{(\w+)(?::([a-z]+))?\}")
 _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
+_PART = re.compile(r"\s+(?:with|of|on|in|made of)\s+")
+CLAUSE = re.compile(r"[,;:.!?]")
 
 
 def read_templates(task: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -33,11 +38,7 @@ def read_templates(task: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         text = files("pipeline.tasks.library").joinpath(where).read_text("utf-8")
     except FileNotFoundError as missing:
         raise ValueError(f"task {task!r} has no templates: give the class `seen` and `unseen` or write {where}") from missing
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if lines[:1] != ["seen"] or lines.count("seen") != 1 or lines.count("unseen") != 1:
-        raise ValueError(f"{where} must be a line 'seen', templates, a line 'unseen' and more templates")
-    middle = lines.index("unseen")
-    return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
+    return two_lists(text, where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +61,9 @@ def instructions(wording: Wording, rng: np.random.Generator, count: int = 100) -
 
     Every combination of template and descriptions comes once before any comes again, templates taking turns, and no instruction
     follows itself unless it is the only one. A template that says "the left arm" outright is used only where the left arm acts,
-    one marked "~" only where the target moves. Raises ValueError, naming the template and the slot, for a slot that is neither a
-    body nor a role, for a side that is not left or right, and where no template of a split is true.
+    one with two roles only where two arms act, one marked "~" only where the target moves. Raises ValueError, naming the template
+    and the slot, for a slot that is neither a body nor a role, for a side that is not left or right, and where no template of a
+    split is true.
     """
     objects, arms = wording.objects, wording.arms
     for role, side in arms.items():
@@ -72,30 +74,9 @@ def instructions(wording: Wording, rng: np.random.Generator, count: int = 100) -
         "unseen": {name: w.unseen for name, w in objects.items()},
     }
     return {
-        split: _draw([_sentences(t, words[split], arms) for t in templates if _true(t, arms, wording.moving)], split, rng, count)
+        split: _draw([_fillings(t, words[split], arms) for t in templates if _true(t, arms, wording.moving)], split, rng, count)
         for split, templates in (("seen", wording.seen), ("unseen", wording.unseen))
     }
-
-
-def check_templates(seen: Sequence[str], unseen: Sequence[str], objects: Collection[str], arms: Collection[str]) -> None:
-    """Raise ValueError, listing everything that is wrong with the templates of a task: an unknown or malformed slot, an article
-    before a slot, a template given twice (case and punctuation aside) or in both splits, an empty split."""
-    faults = [f"no {split} templates" for split, templates in (("seen", seen), ("unseen", unseen)) if not templates]
-    known = {*objects, *arms}
-    met: set[str] = set()
-    for template in (*seen, *unseen):
-        key = re.sub(r"[^\w{}]+", " ", template).strip().lower()
-        if key in met:
-            faults.append(f"{template!r} is given twice")
-        met.add(key)
-        if _ARTICLE.search(template):
-            faults.append(f"{template!r} has an article before a slot")
-        try:
-            faults += [f"{template!r} has the unknown slot {{{s}}}" for s in slots(template) if s not in known]
-        except ValueError as error:
-            faults.append(str(error))
-    if faults:
-        raise ValueError("; ".join(faults))
 
 
 def slots(template: str) -> tuple[str, ...]:
@@ -105,7 +86,7 @@ def slots(template: str) -> tuple[str, ...]:
     except ValueError as error:
         raise ValueError(f"{template!r} is malformed: {error}") from error
     for name, spec, conversion in fields:
-        if not name.isidentifier() or spec or conversion:
+        if not name.isidentifier() or conversion or not re.fullmatch("[a-z]*", spec or ""):
             raise ValueError(f"{template!r} has a slot that is not a plain name: {name!r}")
     return tuple(dict.fromkeys(name for name, _, _ in fields))
 
@@ -117,14 +98,46 @@ def sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else text + "."
 
 
+@lru_cache(maxsize=4096)
+def nouns(phrase: str) -> frozenset[str]:
+    """The nouns of a description without article, in the singular: the last word of each part.
+
+    Those of "red bell with a black base" are "bell" and "base".
+    """
+    return frozenset(singular(part.split()[-1]) for part in _PART.split(phrase.lower()) if part.strip())
+
+
+def singular(word: str) -> str:
+    """A noun without its plural s."""
+    return word[:-1] if word.endswith("s") and not word.endswith("ss") else word
+
+
 def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
     if template.startswith(MOVING) and not moving:
+        return False
+    sides = [arms[name] for name in slots(template) if name in arms]
+    if len(set(sides)) < len(sides):
         return False
     return {side.lower() for side in _NAMED_ARM.findall(template)} <= set(arms.values())
 
 
-def _sentences(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]) -> list[str]:
-    """Every way to fill a template, leaving out, where it can be, those that describe two bodies in the same words."""
+@dataclass(frozen=True)
+class _Filling:
+    """A template with what its slots stand for."""
+
+    template: str
+    said: Mapping[str, str]
+
+    def text(self) -> str:
+        return sentence(_SLOT.sub(lambda m: " ".join(filter(None, ("the", m[2], self.said[m[1]]))), self.template))
+
+
+def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]) -> list[_Filling]:
+    """Every way to fill a template.
+
+    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a noun of the template) and those
+    with two phrases "with ..." in one clause.
+    """
     template = template.removeprefix(MOVING)
     names = slots(template)
     for name in names:
@@ -133,30 +146,48 @@ def _sentences(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[
         if name in words and not words[name]:
             raise ValueError(f"{template!r} has the slot {{{name}}}, which has no description")
     bodies = [n for n in names if n in words]
-    roles = {n: f"the {arms[n]} arm" for n in names if n not in words}
-    choices = [[f"the {d}" for d in dict.fromkeys(words[n])] for n in bodies]
-    filled = list(product(*choices))
-    distinct = [f for f in filled if len(set(f)) == len(f)]
-    return [sentence(template.format(**roles, **dict(zip(bodies, f, strict=True)))) for f in distinct or filled]
+    own = frozenset(singular(word) for word in re.findall(r"\w+", _SLOT.sub(" ", template).lower()))
+    choices = [list(dict.fromkeys(words[n])) for n in bodies]
+    filled = list(product(*([d for d in c if not nouns(d) & own] or c for c in choices)))
+    apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
+    filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
+    roles = {n: f"{arms[n]} arm" for n in names if n not in words}
+
+    @cache
+    def heavy(traits: tuple[bool, ...]) -> bool:
+        said = {n: "x with x" if trait else "x" for n, trait in zip(bodies, traits, strict=True)}
+        return crowded(_Filling(template, {**roles, **said}).text())
+
+    light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
+    return [_Filling(template, {**roles, **dict(zip(bodies, f, strict=True))}) for f in light or filled]
 
 
-def _draw(templates: Sequence[Sequence[str]], split: str, rng: np.random.Generator, count: int) -> list[str]:
+def crowded(text: str) -> bool:
+    """Whether a clause has two phrases "with ...", of which a reader cannot tell what the second belongs to."""
+    return any(len(re.findall(r"\bwith\b", clause, re.IGNORECASE)) > 1 for clause in CLAUSE.split(text))
+
+
+def _draw(templates: Sequence[Sequence[_Filling]], split: str, rng: np.random.Generator, count: int) -> list[str]:
     if not templates:
         raise ValueError(f"no {split} template is true of this scene")
-    several = len({text for sentences in templates for text in sentences}) > 1
+    first = templates[0][0].text()
+    several = any(filling.text() != first for fillings in templates for filling in fillings)
     drawn: list[str] = []
     while len(drawn) < count:
-        for text in _turns(templates, rng):
+        for filling in _turns(templates, rng):
+            text = filling.text()
             if several and drawn and text == drawn[-1]:
                 continue
             drawn.append(text)
-    return drawn[:count]
+            if len(drawn) == count:
+                break
+    return drawn
 
 
-def _turns(templates: Sequence[Sequence[str]], rng: np.random.Generator) -> Iterator[str]:
-    """Every sentence once: the templates take turns in a new random order each round."""
-    left = [[sentences[int(i)] for i in rng.permutation(len(sentences))] for sentences in templates]
+def _turns(templates: Sequence[Sequence[_Filling]], rng: np.random.Generator) -> Iterator[_Filling]:
+    """Every filling once: the templates take turns in a new random order each round."""
+    left = [[fillings[int(i)] for i in rng.permutation(len(fillings))] for fillings in templates]
     while left:
         for i in rng.permutation(len(left)):
             yield left[int(i)].pop()
-        left = [sentences for sentences in left if sentences]
+        left = [fillings for fillings in left if fillings]

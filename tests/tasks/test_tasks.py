@@ -18,7 +18,8 @@ from pipeline.stages.replay import replay
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import INTERCEPTION, TASKS, TRACKING
 from pipeline.tasks.contract import Task, register
-from pipeline.tasks.language import check_templates, instructions
+from pipeline.tasks.language import instructions
+from pipeline.tasks.language_check import check_templates
 from pipeline.world.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.objects import FAMILIES
 from pipeline.world.recorder import Recorder

@@ -1,0 +1,154 @@
+"""What is wrong with templates and with the sentences made from them: tests and `check-task` ask these functions."""
+
+import re
+from collections.abc import Callable, Collection, Sequence
+from itertools import combinations
+
+from pipeline.tasks.language import CLAUSE, MOVING, Wording, crowded, nouns, singular, slots
+
+MOTION = re.compile(
+    r"\b(mov(?:es|ing)|on the move|in motion|mid-motion|slid(?:es|ing)|glid\w+|drift\w*|travel\w*|pass(?:es|ing)|catch\w*|caught"
+    r"|intercept\w*|stop\w*|halt\w*|chas\w+|follow\w*|track\w*|wait\w*|on (?:its|the) way|gets? away|goes by|going by|coming|comes"
+    r"|approach\w*|cross(?:es|ing)|still (?:mov|slid)\w*|roll(?:s|ing)(?! pin))\b",
+    re.IGNORECASE,
+)
+_ARTICLE = re.compile(r"\b(the|a|an)\s+\{", re.IGNORECASE)
+_SLOT_NAME = re.compile(r"\{\w+")
+_SIDE = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
+_TWO_ARMS = re.compile(
+    r"\b(?:other|second) (?:arm|hand|gripper)\b|\b(?:both|two) (?:of your )?(?:arms|hands|grippers)\b|two-handed", re.IGNORECASE
+)
+_THEY = re.compile(r"\b(they|them|their|these|those)\b", re.IGNORECASE)
+_MANY = "balls|ends|arms|hands|grippers|fingers|fingertips|contents|sides"
+_BARE = "are|were|have|do|be|stand|lie|rest|hang|face|point|sit|slide|move|travel|go|take|hold|put|lift|lay|carry|place|reach|open"
+_WITH_S = "is|was|has|does|stands|lies|rests|hangs|faces|points|sits|slides|moves|goes|takes|holds|puts|lifts|lays|carries|places"
+_CAUSE = ("let", "make", "have", "see", "watch")
+_WHEN = ("while", "as", "when", "once", "after", "until", "before", "that", "where", "which", "because", "if")
+
+
+def check_templates(seen: Sequence[str], unseen: Sequence[str], objects: Collection[str], arms: Collection[str]) -> None:
+    """Raise ValueError, listing everything that is wrong with the templates of a task.
+
+    Wrong are an unknown or malformed slot, a slot used twice, an article before a slot, two phrases "with ..." in one clause, a
+    template given twice (case and punctuation aside) or in both splits, an empty split, and a word of motion in a template that is
+    not marked "~" or a mark without one.
+    """
+    wrong = [f"no {split} templates" for split, templates in (("seen", seen), ("unseen", unseen)) if not templates]
+    known = {*objects, *arms}
+    met: set[str] = set()
+    for template in (*seen, *unseen):
+        key = re.sub(r"[^\w{}]+", " ", template).strip().lower()
+        if key in met:
+            wrong.append(f"{template!r} is given twice")
+        met.add(key)
+        if _ARTICLE.search(template):
+            wrong.append(f"{template!r} has an article before a slot")
+        if crowded(re.sub(r"\{.*?\}", "x", template)):
+            wrong.append(f"{template!r} has two phrases with 'with' in one clause")
+        try:
+            wrong += [f"{template!r} has the unknown slot {{{s}}}" for s in slots(template) if s not in known]
+            wrong += [f"{template!r} has the slot {{{s}}} twice" for s in slots(template) if len(_uses(template, s)) > 1]
+        except ValueError as error:
+            wrong.append(str(error))
+        if bool(MOTION.search(_SLOT_NAME.sub(" ", template))) != template.startswith(MOVING):
+            wrong.append(f"{template!r} speaks of motion without the mark ~, or has the mark and does not")
+    if wrong:
+        raise ValueError("; ".join(wrong))
+
+
+def _uses(template: str, slot: str) -> list[str]:
+    return re.findall(rf"\{{{slot}[}}:]", template)
+
+
+def faults(text: str, wording: Wording) -> list[str]:
+    """What is wrong with an instruction for a scene, by name; nothing where it is good."""
+    return [name for name, wrong in CHECKS.items() if wrong(text, wording)]
+
+
+def _leaks(text: str, _: Wording) -> bool:
+    return bool(re.search(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]", text)) or text != text.strip()
+
+
+def _unfinished(text: str, _: Wording) -> bool:
+    return not re.fullmatch(r"[A-Z].*\w[.!?]", text) or bool(re.search(r"[.!?]\s+[a-z]", text))
+
+
+def _article(text: str, _: Wording) -> bool:
+    return bool(re.search(r"\b(a [aeiou]\w+|an [^aeiou\W]\w*|(the|an?) (the|an?))\b", text, re.IGNORECASE))
+
+
+def _twice_running(text: str, _: Wording) -> bool:
+    return bool(re.search(r"\b(\w+) \1\b", text, re.IGNORECASE))
+
+
+def _named(text: str, wording: Wording) -> list[str]:
+    """The longest description of each body that stands in a text."""
+    found, plain = [], f" {' '.join(re.findall(r'[\w-]+', text.lower()))} "
+    for words in wording.objects.values():
+        said = [d for d in (*words.seen, *words.unseen) if f" {d.lower()} " in plain]
+        found += [max(said, key=len)] if said else []
+    return found
+
+
+def _repeats(text: str, wording: Wording) -> bool:
+    """Whether a noun of the scene, or an arm, is named twice; a noun before another one ("bread basket") only qualifies it."""
+    known = {noun for d in _named(text, wording) for noun in nouns(d)} | {"button", "handle", "peg", "cap", "ball", "code", "table"}
+    said = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
+    heads = [word for word, after in zip(said, [*said[1:], ""], strict=True) if word in known and after not in known]
+    arms = [m[0].lower() for m in _SIDE.finditer(text)]
+    return len(set(heads)) < len(heads) or len(set(arms)) < len(arms)
+
+
+def _disagrees(text: str, wording: Wording) -> bool:
+    """Whether a pronoun or a verb is in the wrong number for what is known to be one thing or several."""
+    for thing in sorted([*_named(text, wording), "left arm", "right arm"], key=len, reverse=True):
+        text = re.sub(rf"\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b", "XX", text, flags=re.IGNORECASE)
+    they = _THEY.search(text)
+    if they and not re.search(rf"\b({_MANY}|both|two)\b|XX.*XX", text[: they.start()]):
+        return True
+    when, cause = "|".join(_WHEN), "|".join(_CAUSE)
+    return any(
+        re.search(pattern, text, re.IGNORECASE)
+        for pattern in (
+            rf"(?:^|[.;:!?]\s|\b(?:{when}) )(?:XX|it) (?:{_BARE})\b",
+            rf"\b(?:{cause}) (?:XX|it) (?:{_WITH_S})\b",
+            rf"\b(?:{_MANY}) (?:{_WITH_S}|falls|lands|drops)\b",
+        )
+    )
+
+
+def _motion_at_rest(text: str, wording: Wording) -> bool:
+    return not wording.moving and bool(MOTION.search(text))
+
+
+def _wrong_arm(text: str, wording: Wording) -> bool:
+    acting = set(wording.arms.values())
+    named = {side.lower() for side in _SIDE.findall(text)}
+    return not named <= acting or (len(acting) < 2 and bool(_TWO_ARMS.search(text)))
+
+
+def _misattached(text: str, wording: Wording) -> bool:
+    """Whether "with the left arm" stands behind the second of two things, as if it belonged to that one; or two "with" in a row."""
+    for clause in CLAUSE.split(text):
+        arm = re.search(r" with the (left|right) arm\b", clause)
+        said = [d for d in _named(clause, wording) if f" {d} " in f" {clause} "]
+        if arm and any(
+            clause[: arm.start()].endswith(last) and first in clause[: arm.start()].removesuffix(last)
+            for a, b in combinations(said, 2)
+            for first, last in ((a, b), (b, a))
+        ):
+            return True
+    return crowded(text)
+
+
+CHECKS: dict[str, Callable[[str, Wording], bool]] = {
+    "slot leak": _leaks,
+    "start or end": _unfinished,
+    "article": _article,
+    "word twice running": _twice_running,
+    "repeated noun": _repeats,
+    "number": _disagrees,
+    "motion at level 0": _motion_at_rest,
+    "arm": _wrong_arm,
+    "attachment": _misattached,
+}
