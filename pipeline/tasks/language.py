@@ -25,6 +25,7 @@ _SLOT = re.compile(r"\{(\w+)(?::([a-z]+))?\}")
 _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECASE)
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
 _PART = re.compile(r"\s+(?:with|of|on|in|made of)\s+")
+_SIZE = re.compile(r"(?:small|medium-sized|large|little|tiny|short|tall|long|narrow|wide|low|thin|thick|slim|flat|round|square)\b")
 CLAUSE = re.compile(r"[,;:.!?]")
 
 
@@ -135,8 +136,8 @@ class _Filling:
 def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[str, str]) -> list[_Filling]:
     """Every way to fill a template.
 
-    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a noun of the template) and those
-    with two phrases "with ..." in one clause.
+    Where it can be, those are left out that name a thing twice (two bodies by one noun, or by a noun of the template), those with
+    two phrases "with ..." in one clause, and those with an adjective of the template before one of size ("the moving small bell").
     """
     template = template.removeprefix(MOVING)
     names = slots(template)
@@ -148,7 +149,10 @@ def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[s
     bodies = [n for n in names if n in words]
     own = frozenset(singular(word) for word in re.findall(r"\w+", _SLOT.sub(" ", template).lower()))
     choices = [list(dict.fromkeys(words[n])) for n in bodies]
-    filled = list(product(*([d for d in c if not nouns(d) & own] or c for c in choices)))
+    choices = [[d for d in c if not nouns(d) & own] or c for c in choices]
+    marked = {m[1] for m in _SLOT.finditer(template) if m[2]}
+    choices = [[d for d in c if n not in marked or not _SIZE.match(d)] or c for n, c in zip(bodies, choices, strict=True)]
+    filled = list(product(*choices))
     apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
     filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
     roles = {n: f"{arms[n]} arm" for n in names if n not in words}

@@ -128,10 +128,13 @@ def _wrong_arm(text: str, wording: Wording) -> bool:
 
 
 def _misattached(text: str, wording: Wording) -> bool:
-    """Whether "with the left arm" stands behind the second of two things, as if it belonged to that one; or two "with" in a row."""
+    """Whether "with the left arm" stands behind a goal ("on the plate with the left arm") or behind the second of two things, as if
+    it belonged to that one; or two phrases "with ..." stand in one clause."""
     for clause in CLAUSE.split(text):
-        arm = re.search(r" with the (left|right) arm\b", clause)
+        arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
         said = [d for d in _named(clause, wording) if f" {d} " in f" {clause} "]
+        if arm and re.search(r" (?:on|onto|in|into|to|over) the [^,]*$", clause[: arm.start()]):
+            return True
         if arm and any(
             clause[: arm.start()].endswith(last) and first in clause[: arm.start()].removesuffix(last)
             for a, b in combinations(said, 2)
