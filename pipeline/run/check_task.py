@@ -14,13 +14,12 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.language import instructions
-from pipeline.tasks.language_check import check_templates
+from pipeline.tasks.language_check import check_templates, faults
 from pipeline.tasks.outcome import failed
 
 SEEDS_PER_LEVEL = 12
 LAYOUTS = 40
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-_SIDES = {"the left arm": "left", "the right arm": "right"}
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,8 @@ def _episode(level: int, rollout: Rollout) -> Iterator[Finding]:
     yield Finding(f"level {level} events", {"meeting", "success"} <= set(names), ", ".join(names))
     speed = rollout.motion.maximum_speed()
     yield Finding(f"level {level} motion", (speed == 0) == (level == 0), f"target moves at up to {speed:.3f} m/s")
-    false = _false_instruction(scene)
-    yield Finding(f"level {level} words", false is None, false or "every instruction names the arm that acts")
+    wrong = _faulty_instruction(scene)
+    yield Finding(f"level {level} words", wrong is None, wrong or "no fault in 100 instructions")
 
 
 def _conditions(level: int, rollout: Rollout) -> Iterator[Finding]:
@@ -112,13 +111,12 @@ def _language(scene: Scene) -> Finding:
     return Finding("language", len(task.seen) >= task.least_seen and len(task.unseen) >= task.least_unseen, said)
 
 
-def _false_instruction(scene: Scene) -> str | None:
-    made = instructions(scene.wording(), scene.spec.rng("language"), 50)
-    used = set(scene.arms.values())
+def _faulty_instruction(scene: Scene) -> str | None:
+    wording = scene.wording()
+    made = instructions(wording, scene.spec.rng("language"), 50)
     for text in (*made["seen"], *made["unseen"]):
-        for phrase, side in _SIDES.items():
-            if phrase in text.lower() and side not in used:
-                return f"{text!r} names an arm that does not act"
+        if found := faults(text, wording):
+            return f"{text!r}: {', '.join(found)}"
     return None
 
 

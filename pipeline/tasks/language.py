@@ -26,6 +26,7 @@ _NAMED_ARM = re.compile(r"\b(left|right)[ -](?:arm|hand|gripper)\b", re.IGNORECA
 _START = re.compile(r"(^|[.!?]\s+)([a-z])")
 _PART = re.compile(r"\s+(?:with|of|on|in|made of)\s+")
 _SIZE = re.compile(r"(?:small|medium-sized|large|little|tiny|short|tall|long|narrow|wide|low|thin|thick|slim|flat|round|square)\b")
+_CROWDED = re.compile(r"\bwith\b.*\b(?:with|[io]n it)\b", re.IGNORECASE)
 CLAUSE = re.compile(r"[,;:.!?]")
 
 
@@ -167,8 +168,9 @@ def _fillings(template: str, words: Mapping[str, Sequence[str]], arms: Mapping[s
 
 
 def crowded(text: str) -> bool:
-    """Whether a clause has two phrases "with ...", of which a reader cannot tell what the second belongs to."""
-    return any(len(re.findall(r"\bwith\b", clause, re.IGNORECASE)) > 1 for clause in CLAUSE.split(text))
+    """Whether a clause has two phrases "with ...", or one before "on it" or "in it" ("the can with a label on it"): a reader cannot
+    tell what the second phrase belongs to."""
+    return any(_CROWDED.search(clause) for clause in CLAUSE.split(text))
 
 
 def _draw(templates: Sequence[Sequence[_Filling]], split: str, rng: np.random.Generator, count: int) -> list[str]:

@@ -133,7 +133,7 @@ def _misattached(text: str, wording: Wording) -> bool:
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
         said = [d for d in _named(clause, wording) if f" {d} " in f" {clause} "]
-        if arm and re.search(r" (?:on|onto|in|into|to|over) the [^,]*$", clause[: arm.start()]):
+        if arm and re.search(r" (?:on|onto|in|into|to|over) the (?:(?!and )[\w -])*$", clause[: arm.start()]):
             return True
         if arm and any(
             clause[: arm.start()].endswith(last) and first in clause[: arm.start()].removesuffix(last)

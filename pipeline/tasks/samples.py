@@ -1,4 +1,4 @@
-"""Instructions drawn over all tasks, as docs/language.md shows them: `python -m pipeline.tasks.samples --seed 0 --count 100`."""
+"""Instructions drawn over all tasks: `python -m pipeline.tasks.samples > docs/language.md` writes that page anew."""
 
 import argparse
 from collections.abc import Iterator
@@ -8,6 +8,28 @@ import numpy as np
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import lay_out
 from pipeline.tasks.language import Wording, instructions
+
+SEED, COUNT = 0, 100
+INTRODUCTION = """# Instructions
+
+Every episode comes with instructions in words, 100 for each of the splits `seen` and `unseen` unless the recipe says otherwise.
+They are made from templates (`pipeline/tasks/library/phrases/TASK.txt`: 50 seen and 10 unseen for every task) and descriptions
+(`pipeline/world/objects/phrases/FAMILY.txt`: 12 seen and 3 unseen for every object, true of its colour, size and form). An
+instruction
+
+- is true of its episode: it names arms that act, the goal and the facing that the success conditions ask for, and nothing that
+  does not happen;
+- speaks of motion only where the target moves: never at level 0, and about one time in four above it;
+- names every thing once, with a pronoun after that, and has the acting arm beside the verb that it belongs to.
+
+`pipeline/tasks/language_check.py` looks for slot leaks, articles, number, repeated nouns, words of motion in still scenes, arms
+that do not act and phrases that hang on the wrong noun; a test asks it about 10,000 instructions over all tasks, and
+`domino-data check-task` asks it too.
+
+Below are {count} instructions of seed {seed}, drawn over all tasks, both splits, moving and still scenes, each in a new layout.
+`python -m pipeline.tasks.samples --seed 1` prints others; without options it prints this page.
+
+"""
 
 
 def wording(name: str, seed: int, moving: bool) -> Wording:
@@ -31,20 +53,20 @@ def samples(seed: int, count: int) -> Iterator[tuple[str, str, bool, str]]:
 
 
 def page(seed: int, count: int) -> str:
-    """Numbered lines of Markdown: instruction, task, split, and "still" where nothing moves."""
+    """The page docs/language.md: what the sentences keep to, and `count` of them, numbered."""
     lines = (
         f"{i + 1}. {text} *({name}, {split}{'' if moving else ', still'})*"
         for i, (name, split, moving, text) in enumerate(samples(seed, count))
     )
-    return "\n".join(lines)
+    return INTRODUCTION.format(seed=seed, count=count) + "\n".join(lines) + "\n"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m pipeline.tasks.samples", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--count", type=int, default=COUNT)
     given = parser.parse_args()
-    print(page(given.seed, given.count))
+    print(page(given.seed, given.count), end="")
 
 
 if __name__ == "__main__":

@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.tasks import TASKS, Draw, lay_out
-from pipeline.tasks.language import Wording, check_templates, instructions, sentence, slots
+from pipeline.tasks.language import Wording, instructions, sentence, slots
+from pipeline.tasks.language_check import check_templates
 from pipeline.world.objects.contract import Words
 
 BELL = Words("bell", ("red bell", "small bell", "desk bell"), ("round chime", "table bell"))
 PLATE = Words("plate", ("white plate", "dish"), ("flat plate",))
 SEEN = ("Press {bell} with {arm}.", "ring {bell}", "Move {bell} next to {plate}.")
-UNSEEN = ("Tap {bell} using {arm}", "Chime {bell}!")
+UNSEEN = ("Tap {bell} using {arm}", "Sound {bell}!")
 OBJECTS = {"bell": BELL, "plate": PLATE}
 
 
@@ -29,7 +30,7 @@ def test_the_combinations_are_exactly_those_of_templates_and_words():
     drawn = make(count=12)
     assert len(drawn["seen"]) == 12 == len(expected) and set(drawn["seen"]) == expected
     assert set(drawn["unseen"]) == {f"Tap the {b} using the left arm." for b in BELL.unseen} | {
-        f"Chime the {b}!" for b in BELL.unseen
+        f"Sound the {b}!" for b in BELL.unseen
     }
 
 
@@ -97,6 +98,11 @@ def test_bad_input_is_named(change, message):
         (("Ring {bell}.", "ring {bell}"), ("Go.",), "given twice"),
         (("Ring {bell}.",), ("Ring {bell}!",), "given twice"),
         (("Ring the {bell}.",), ("Go.",), "article"),
+        (("Take {bell} and ring {bell}.",), ("Go.",), r"slot \{bell\} twice"),
+        (("Ring {bell} while it moves.",), ("Go.",), "motion without the mark"),
+        (("Ring {bell:moving}.",), ("Go.",), "motion without the mark"),
+        (("~ Ring {bell}.",), ("Go.",), "has the mark and does not"),
+        (("Take {bell} with {arm} and ring it with a finger.",), ("Go.",), "in one clause"),
         (("Ring {bell!r}.",), ("Go.",), "not a plain name"),
         ((), ("Go.",), "no seen templates"),
     ],
@@ -109,6 +115,45 @@ def test_faults_of_templates_are_found(seen, unseen, message):
 def test_all_faults_are_listed_at_once():
     with pytest.raises(ValueError, match=r"no unseen templates; .*\{gong\}; .*article"):
         check_templates(("Ring {gong}.", "Ring the {bell}."), (), {"bell"}, ())
+
+
+def test_an_adjective_goes_before_the_description_but_not_before_one_of_size():
+    drawn = make(20, seen=("~ Press {bell:moving}.",), unseen=("Go.",))
+    assert set(drawn["seen"]) == {"Press the moving red bell.", "Press the moving desk bell."}
+    only_small = {"bell": Words("bell", ("small bell",), ("bell",))}
+    assert set(make(5, seen=("~ Press {bell:moving}.",), unseen=("Go.",), objects=only_small)["seen"]) == {
+        "Press the moving small bell."
+    }
+    with pytest.raises(ValueError, match="not a plain name"):
+        slots("Press {bell:>8}.")
+
+
+def test_a_description_does_not_repeat_a_noun_of_the_template_where_it_need_not():
+    objects = {"bell": Words("bell", ("bell with a red button", "bell with red handles", "bell"), ("bell with a red button",))}
+    seen, unseen = ("Press the button of {bell}.", "Take {bell} by its handle."), ("Push the button of {bell}.",)
+    drawn = make(20, seen=seen, unseen=unseen, objects=objects)
+    assert set(drawn["seen"]) == {
+        "Press the button of the bell.",
+        "Press the button of the bell with red handles.",
+        "Take the bell by its handle.",
+        "Take the bell with a red button by its handle.",
+    }
+    assert set(drawn["unseen"]) == {"Push the button of the bell with a red button."}  # nothing else can be said
+
+
+def test_a_clause_has_one_phrase_with_with_where_it_can():
+    objects = {"bell": Words("bell", ("bell with a knob", "red bell"), ("bell",)), "plate": PLATE}
+    drawn = make(20, seen=("Take {bell} with {arm}, and ring {plate}.", "Lift {bell}."), objects=objects)
+    assert "Lift the bell with a knob." in drawn["seen"]
+    assert not [t for t in drawn["seen"] if "knob with" in t]
+
+
+def test_a_template_with_two_roles_needs_two_arms():
+    seen = ("Take {bell} with {arm}; {other} rings it.", "Ring {bell}.")
+    both = make(30, seen=seen, arms={"arm": "right", "other": "left"})["seen"]
+    one = make(30, seen=seen, arms={"arm": "left", "other": "left"})["seen"]
+    assert any("left arm rings" in t for t in both)
+    assert not any("arm" in t for t in one)
 
 
 def test_good_templates_pass():

@@ -1,0 +1,111 @@
+"""Faults of instructions: each is found where it was put, and none is in what the tasks say."""
+
+import re
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.tasks import TASKS
+from pipeline.tasks.language import Wording, instructions
+from pipeline.tasks.language_check import CHECKS, faults
+from pipeline.tasks.samples import COUNT, SEED, page, samples, wording
+from pipeline.world.objects.contract import Words
+
+CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
+BASKET = Words("bread basket", ("bread basket", "basket with a brown handle"), ("wicker tray",))
+BREAD = Words("bread", ("bread", "bun"), ("loaf",))
+SCENE = Wording((), (), {"cup": CUP, "basket": BASKET, "bread": BREAD}, {"arm": "left", "other": "right"})
+STILL = replace(SCENE, moving=False)
+ONE_ARM = replace(SCENE, arms={"arm": "left"})
+PAGE = Path(__file__).parents[2] / "docs" / "language.md"
+
+
+FAULTY = [
+    ("Take {cup}.", SCENE, "slot leak"),
+    ("Take the cup  now.", SCENE, "slot leak"),
+    ("Take the cup , now.", SCENE, "slot leak"),
+    ("Take the cup;, now.", SCENE, "slot leak"),
+    ("~ Take the cup.", SCENE, "slot leak"),
+    ("take the cup.", SCENE, "start or end"),
+    ("Take the cup", SCENE, "start or end"),
+    ("Take the cup,", SCENE, "start or end"),
+    ("Take the cup. lift it.", SCENE, "start or end"),
+    ("Take the cup with a orange stripe.", SCENE, "article"),
+    ("Take an cup.", SCENE, "article"),
+    ("Take the a cup.", SCENE, "article"),
+    ("Take the the cup.", SCENE, "word twice running"),
+    ("Put the cup and and the bun there.", SCENE, "word twice running"),
+    ("Take the red cup and lift the cup.", SCENE, "repeated noun"),
+    ("Take the basket with a brown handle by its handle.", SCENE, "repeated noun"),
+    ("Let the left arm take the cup and the left arm lift it.", SCENE, "repeated noun"),
+    ("Take the cup and lift them.", SCENE, "number"),
+    ("When the cup stand there, let go.", SCENE, "number"),
+    ("The red cup are empty; take it.", SCENE, "number"),
+    ("Let the cup stands there.", SCENE, "number"),
+    ("Tip it until the balls falls out.", SCENE, "number"),
+    ("Lift the cup while the left arm hold the bun.", SCENE, "number"),
+    ("Take the cup while it moves.", STILL, "motion at level 0"),
+    ("Catch the cup.", STILL, "motion at level 0"),
+    ("Take the sliding cup.", STILL, "motion at level 0"),
+    ("Wait for the cup to come and take it.", STILL, "motion at level 0"),
+    ("Take the cup with the right arm.", ONE_ARM, "arm"),
+    ("Take the cup with your right hand.", ONE_ARM, "arm"),
+    ("Hand the cup to the other arm.", ONE_ARM, "arm"),
+    ("Take the cup with both hands.", ONE_ARM, "arm"),
+    ("Put the cup in the bread basket with the left arm.", SCENE, "attachment"),
+    ("Place the cup beside the bun using the left arm.", SCENE, "attachment"),
+    ("Take the cup with an orange stripe with the left arm.", SCENE, "attachment"),
+    ("Put the cup with an orange stripe on it.", SCENE, "attachment"),
+]
+
+
+@pytest.mark.parametrize(("text", "scene", "fault"), FAULTY)
+def test_a_fault_is_found(text, scene, fault):
+    assert fault in faults(text, scene)
+
+
+def test_every_check_has_a_sentence_that_fails_it():
+    assert {fault for _, _, fault in FAULTY} == set(CHECKS)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Put the loaf in the bread basket.",
+        "With the left arm, put the bun in the basket with a brown handle.",
+        "Let the cup stand on the table once the left arm holds the bun.",
+        "Take the cup and the bun and bring them together.",
+        "Catch the moving cup with the left arm and hand it to the right arm.",
+        "Take the cup with an orange stripe, and hold it with both arms.",
+    ],
+)
+def test_good_sentences_pass(text):
+    assert faults(text, SCENE) == []
+
+
+def test_ten_thousand_instructions_have_no_fault():
+    checked, wrong = 0, []
+    for name, moving in product(sorted(TASKS), (False, True)):
+        scene = wording(name, 11, moving)
+        for texts in instructions(scene, np.random.default_rng(0), 72).values():
+            checked += len(texts)
+            wrong += [(name, text, found) for text in texts if (found := faults(text, scene))]
+    assert checked >= 10_000
+    assert wrong == []
+
+
+def test_samples_take_turns_over_tasks_splits_and_levels():
+    drawn = list(samples(5, 70))
+    assert {name for name, *_ in drawn[:35]} == set(TASKS)
+    assert {(split, moving) for _, split, moving, _ in drawn} == set(product(("seen", "unseen"), (False, True)))
+    assert drawn == list(samples(5, 70))
+    assert drawn != list(samples(6, 70))
+
+
+def test_the_page_in_the_documents_is_what_the_command_prints():
+    shown = PAGE.read_text("utf-8")
+    assert len(re.findall(r"^\d+\. [A-Z]", shown, re.MULTILINE)) == COUNT == 100
+    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.tasks.samples > docs/language.md`"
