@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import lay_out
+from pipeline.tasks.contract import Draw, lay_out
 from pipeline.tasks.language import Wording, instructions
 
 SEED, COUNT = 0, 100
@@ -35,7 +35,7 @@ Below are {count} instructions of seed {seed}, drawn over all tasks, both splits
 def wording(name: str, seed: int, moving: bool) -> Wording:
     """What the instructions of one layout of a task are made from; `moving` as at levels above 0."""
     task = TASKS[name]
-    bodies = lay_out(task, np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
+    bodies = lay_out(task, Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])))
     words = {body.name: body.instance.words() for body in bodies.values()}
     return Wording(task.seen, task.unseen, words, task.arms(bodies), moving)
 
