@@ -22,7 +22,7 @@ SPEED, TAP = 0.04, 2.5
 
 def passing(pose):
     """A straight motion towards the robot at SPEED that passes over `pose` at the time of the tap."""
-    start = pose[:2] + (0, SPEED * TAP)
+    start = np.add(pose[:2], (0, SPEED * TAP))
     return TargetMotion(1, 0.1, 3.0, 0.0, float(pose[2]), pose[3:], (Segment(0.0, 3.0, np.array([start, [0, -SPEED * 3.0]]).T),))
 
 
