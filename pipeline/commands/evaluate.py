@@ -58,7 +58,7 @@ def evaluate(
     from pipeline.evaluate.clock import parse_clock
     from pipeline.evaluate.evaluate import Evaluation
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policy import policy_name
+    from pipeline.evaluate.policies import policy_name
     from pipeline.evaluate.summary import table
     from pipeline.evaluate.views import CAMERAS
     from pipeline.run.evaluation import runner
