@@ -29,7 +29,12 @@ from pipeline.run.signals import Stopped, stop_on_signal
 
 
 def evaluate(
-    policy: Annotated[str, typer.Option(help="replay, static, chaser, interceptor, random, or FILE.py with make_policy().")],
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="replay, static, chaser, interceptor, random, FILE.py with make_policy(), ws://HOST:PORT (docs/evaluation.md)."
+        ),
+    ],
     tasks: Tasks = None,
     embodiment: Embodiment = None,
     levels: Levels = "1",

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from pipeline.evaluate.policy import Policy, PolicyError, PolicyName
 from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static
+from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
 from pipeline.registry import Registry
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
@@ -41,6 +42,9 @@ for _name, _policy in (
     ("random", Random),
 ):
     POLICIES.add(_name, _policy)
+
+for _name in SCHEMES:
+    FORMS.add(_name, RemoteForm())
 
 
 def policy_name(text: str) -> PolicyName:
