@@ -15,15 +15,25 @@ def serve_policy(
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free port.")] = 8765,
     clients: Annotated[int, typer.Option(min=1, help="Clients at the same time, each with a policy of its own.")] = 1,
+    protocol: Annotated[str, typer.Option(help="domino, or openpi for clients of openpi.")] = "domino",
+    embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
     as_json: AsJson = False,
 ) -> None:
     """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
     from pipeline.evaluate.policies import make_policy, policy_name
     from pipeline.evaluate.policy import Policy, SeesTruth
     from pipeline.evaluate.serving.address import token
+    from pipeline.evaluate.serving.openpi import Openpi
     from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
     from pipeline.evaluate.serving.session import Domino
+    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
+    if protocol not in ("domino", "openpi"):
+        raise UsageError(f"--protocol {protocol!r} is unknown: choose domino or openpi")
+    try:
+        robot = get_embodiment(embodiment).name
+    except UnknownEmbodiment as error:
+        raise UsageError(f"--embodiment: {error}") from error
     place, name = Place(host, port, token()), policy_name(policy)
 
     def made() -> Policy:
@@ -34,8 +44,13 @@ def serve_policy(
 
     def started(port: int) -> None:
         shown = f"[{host}]" if ":" in host else host
-        say({"policy": name.label, "host": host, "port": port}, as_json, f"serving {name.label} on ws://{shown}:{port}")
+        say(
+            {"policy": name.label, "host": host, "port": port},
+            as_json,
+            f"serving {name.label} on {'ws' if protocol == 'domino' else protocol}://{shown}:{port}",
+        )
         sys.stdout.flush()
 
-    server = PolicyServer(made, Domino(name.label), place, Limits(clients), lambda line: typer.echo(line, err=True))
+    language = Domino(name.label) if protocol == "domino" else Openpi(name.label, robot)
+    server = PolicyServer(made, language, place, Limits(clients), lambda line: typer.echo(line, err=True))
     server.run(started)

@@ -13,6 +13,9 @@ from typing import Any, Protocol
 from pipeline.evaluate.policy import Policy, PolicyError, PolicyName
 from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static
 from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
+from pipeline.evaluate.serving.groot import GrootForm
+from pipeline.evaluate.serving.openpi import OpenpiForm
+from pipeline.evaluate.serving.starvla import StarvlaForm
 from pipeline.registry import Registry
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
@@ -43,8 +46,13 @@ for _name, _policy in (
 ):
     POLICIES.add(_name, _policy)
 
-for _name in SCHEMES:
-    FORMS.add(_name, RemoteForm())
+for _name, _form in (
+    *((scheme, RemoteForm()) for scheme in SCHEMES),
+    ("openpi", OpenpiForm()),
+    ("starvla", StarvlaForm()),
+    ("gr00t", GrootForm()),
+):
+    FORMS.add(_name, _form)
 
 
 def policy_name(text: str) -> PolicyName:

@@ -7,7 +7,7 @@ pass: no objects, records or complex numbers, and no strings or times, which msg
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import msgpack
@@ -40,13 +40,16 @@ def pack(message: Mapping[Any, Any]) -> bytes:
         raise WireError(str(error)) from error
 
 
-def unpack(data: bytes | str, largest: int = LARGEST) -> dict[Any, Any]:
-    """The message in bytes. Raises WireError for anything else than one whole map within the limits."""
+def unpack(data: bytes | str, largest: int = LARGEST, decode: Callable[[dict[Any, Any]], Any] | None = None) -> dict[Any, Any]:
+    """The message in bytes. Raises WireError for anything else than one whole map within the limits.
+
+    `decode` takes the place of what turns maps with b"__ndarray__" into arrays; it raises WireError.
+    """
     if isinstance(data, str):
         raise WireError(f"the message is text, not bytes: {data[:200]!r}")
     if len(data) > largest:
         raise WireError(f"the message has {len(data)} bytes, more than {largest}")
-    hooks = _Hooks()
+    hooks = _Hooks(decode or _decoded)
     limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}
     try:
         message = msgpack.unpackb(data, list_hook=hooks.of_list, object_pairs_hook=hooks.of_map, strict_map_key=True, **limits)
@@ -88,11 +91,25 @@ def _dtype(text: object) -> np.dtype[Any]:
     return np.dtype(text)
 
 
+def _decoded(values: dict[Any, Any]) -> Any:
+    if b"__ndarray__" in values:
+        return array_of(values.get(b"data"), values.get(b"dtype"), values.get(b"shape"))
+    if b"__npgeneric__" in values:
+        kind, number = _dtype(values.get(b"dtype")), values.get(b"data")
+        if not isinstance(number, bool | int | float):
+            raise WireError(f"a number is a {type(number).__name__}")
+        try:
+            return kind.type(number)
+        except (OverflowError, ValueError) as error:
+            raise WireError(f"{number} is no {kind.str}") from error
+    return values
+
+
 class _Hooks:
     """Called for every container that is complete: counts objects and makes arrays."""
 
-    def __init__(self) -> None:
-        self._objects = 0
+    def __init__(self, decode: Callable[[dict[Any, Any]], Any]) -> None:
+        self._decode, self._objects = decode, 0
 
     def of_list(self, values: list[Any]) -> list[Any]:
         self._count(len(values))
@@ -103,17 +120,7 @@ class _Hooks:
         values = dict(pairs)
         if len(values) < len(pairs):
             raise WireError("a map has the same key twice")
-        if b"__ndarray__" in values:
-            return array_of(values.get(b"data"), values.get(b"dtype"), values.get(b"shape"))
-        if b"__npgeneric__" in values:
-            kind, number = _dtype(values.get(b"dtype")), values.get(b"data")
-            if not isinstance(number, bool | int | float):
-                raise WireError(f"a number is a {type(number).__name__}")
-            try:
-                return kind.type(number)
-            except (OverflowError, ValueError) as error:
-                raise WireError(f"{number} is no {kind.str}") from error
-        return values
+        return self._decode(values)
 
     def _count(self, entries: int) -> None:
         self._objects += 1 + entries
