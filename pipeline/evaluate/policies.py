@@ -3,13 +3,14 @@
 The first part of a name, up to a colon, may be a kind of policy: FORMS has one entry for each, given the whole name.
 """
 
-import hashlib
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol
 
+from pipeline.evaluate.adapters.files import digest_of, module_of
+from pipeline.evaluate.adapters.lerobot import LerobotForm
+from pipeline.evaluate.adapters.robotwin import RobotwinForm
+from pipeline.evaluate.adapters.xpolicylab import XPolicyLabForm
 from pipeline.evaluate.policy import Policy, PolicyError, PolicyName
 from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static
 from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
@@ -51,6 +52,9 @@ for _name, _form in (
     ("openpi", OpenpiForm()),
     ("starvla", StarvlaForm()),
     ("gr00t", GrootForm()),
+    ("robotwin", RobotwinForm()),
+    ("xpolicylab", XPolicyLabForm()),
+    ("lerobot", LerobotForm()),
 ):
     FORMS.add(_name, _form)
 
@@ -61,7 +65,7 @@ def policy_name(text: str) -> PolicyName:
     if kind in FORMS:
         return FORMS[kind].name(text)
     if text.endswith(".py"):
-        return PolicyName(str(Path(text).resolve()), file_label(Path(text)))
+        return PolicyName(str(Path(text).resolve()), f"{Path(text).name}@{digest_of([Path(text)])}")
     if kind not in POLICIES:
         forms = "".join(f", {form}:..." for form in FORMS)
         raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
@@ -89,28 +93,6 @@ def make_policy(name: PolicyName) -> Policy:
         if not callable(getattr(policy, method, None)):
             raise PolicyError(f"{name.text}: make_policy() returned a {type(policy).__name__} without a method {method}")
     return policy
-
-
-def file_label(path: Path) -> str:
-    """Name of a file and a hash of its text. Raises PolicyError for a file that cannot be read."""
-    try:
-        source = path.read_bytes()
-    except OSError as error:
-        raise PolicyError(f"--policy {path}: cannot be read ({error.strerror})") from error
-    return f"{path.name}@{hashlib.sha256(source).hexdigest()[:8]}"
-
-
-def module_of(path: Path) -> ModuleType:
-    """The module in a file. Raises PolicyError where it cannot be loaded."""
-    spec = importlib.util.spec_from_file_location(f"domino_policy_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise PolicyError(f"{path}: is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise PolicyError(f"{path}: {type(error).__name__} while it was loaded: {error}") from error
-    return module
 
 
 def _arguments(text: str) -> tuple[str, dict[str, float]]:
