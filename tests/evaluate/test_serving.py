@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from pipeline import cli
 from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.contract import Contract
 from pipeline.evaluate.episode import EpisodeJob, run_episode
@@ -362,3 +363,31 @@ def test_an_address_that_leads_nowhere_is_one_line(text, said):
     with pytest.raises(PolicyError, match=said) as error:
         policy_name(text)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("replay",), "replay is shown the simulation itself and cannot be served"),
+        (("pi7",), "'pi7' is unknown"),
+        (("random", "--host", "0.0.0.0"), "set DOMINO_POLICY_TOKEN"),
+        (("random", "--protocol", "smtp"), "'smtp' is unknown: choose domino or openpi"),
+        (("random", "--embodiment", "golem"), "golem"),
+    ],
+)
+def test_a_server_that_cannot_be_started_is_one_line(words, said, monkeypatch, capsys):
+    monkeypatch.delenv("DOMINO_POLICY_TOKEN", raising=False)
+    monkeypatch.setattr("sys.argv", ["domino-data", "serve-policy", *words, "--port", "0"])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    error = capsys.readouterr().err.strip()
+    assert stopped.value.code == 2 and said in error and "\n" not in error
+
+
+def test_a_port_that_is_taken_is_one_line(monkeypatch, capsys):
+    with serving() as port:
+        monkeypatch.setattr("sys.argv", ["domino-data", "serve-policy", "random", "--port", str(port)])
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+    error = capsys.readouterr().err.strip()
+    assert stopped.value.code == 2 and "in use" in error and "\n" not in error
