@@ -33,7 +33,7 @@ class Echo:
 @contextmanager
 def serving(make=Echo, token=None, language=None, **limits):
     """The port of a server of policies, which must still be running at the end."""
-    limits = {"open_seconds": 0.5} | limits
+    limits = {"open_seconds": 10.0} | limits
     server = PolicyServer(make, language or Domino("echo"), Place(port=0, token=token), Limits(**limits))
     loop, stop, up = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     thread = threading.Thread(target=loop.run_until_complete, args=(server.serve(stop, lambda port: up.set()),))
