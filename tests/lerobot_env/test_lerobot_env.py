@@ -111,7 +111,9 @@ def test_the_type_is_known_and_makes_nothing_before_it_is_used():
     }
 
 
-@pytest.mark.parametrize("bad", [{"task": "fly"}, {"camera_names": "third_eye"}, {"camera_names": ""}, {"fps": 30}])
+@pytest.mark.parametrize(
+    "bad", [{"task": "fly"}, {"camera_names": "third_eye"}, {"camera_names": ""}, {"fps": 30}, {"rules": "house"}]
+)
 def test_an_option_that_does_not_exist_is_refused(bad):
     with pytest.raises(ValueError, match=r"^env\."):
         DominoEnvConfig(**bad)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
@@ -15,6 +15,7 @@ from pipeline.data.cameras import CAMERA_TYPES
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.data.recipe import Cell
+from pipeline.data.rules import Rules, RuleSet
 from pipeline.evaluate.views import CAMERAS
 from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
@@ -26,8 +27,9 @@ NATIVE = CAMERA_TYPES["D435"]
 @dataclass
 class DominoEnvConfig(EnvConfig):
     """`task` is a name, several with commas between, or "all"; `camera_names` are cameras of the dataset, whose images are scaled
-    to the observation's size. `manifests` is where admitted scenes are kept, `protocol_seed` the seed of the protocol they are
-    drawn from, `first_seed` what `--seed` is. Raises ValueError for what does not exist."""
+    to the observation's size. `rules` are "strict" or "domino". `manifests` is where admitted scenes are kept, `protocol_seed` the
+    seed of the protocol they are drawn from, `first_seed` what `--seed` is. Raises ValueError for what does not exist.
+    """
 
     task: str | None = "click_bell"
     fps: int = DEFAULT_FPS
@@ -35,6 +37,7 @@ class DominoEnvConfig(EnvConfig):
     level: int = 1
     alpha: float = 0.1
     domain: str = "clean"
+    rules: str = "strict"
     camera_names: str = ",".join(CAMERAS)
     observation_height: int = NATIVE.height
     observation_width: int = NATIVE.width
@@ -51,6 +54,8 @@ class DominoEnvConfig(EnvConfig):
             raise ValueError(f"env.camera_names: {unknown[0]}: choose from {', '.join(CAMERAS)}")
         if unknown := [name for name in self.tasks if name not in TASKS]:
             raise ValueError(f"env.task: no task {unknown[0]!r}: choose from {', '.join(sorted(TASKS))}")
+        if self.rules not in get_args(RuleSet):
+            raise ValueError(f"env.rules: {self.rules!r} is unknown: choose {', '.join(get_args(RuleSet))}")
         length = vector_length(self.embodiment)
         self.features[ACTION] = PolicyFeature(FeatureType.ACTION, (length,))
         self.features["agent_pos"] = PolicyFeature(FeatureType.STATE, (length,))
@@ -83,7 +88,7 @@ class DominoEnvConfig(EnvConfig):
         robot, out = get_embodiment(self.embodiment).name, dict[str, dict[int, Any]]()
         for task in self.tasks:
             cell = Cell(task, robot, self.level, self.alpha, self.domain)
-            scenes = Scenes(cell, Path(self.manifests), self.protocol_seed, self.first_seed)
+            scenes = Scenes(cell, Path(self.manifests), self.protocol_seed, self.first_seed, Rules(cast(RuleSet, self.rules)))
             make = partial(DominoTask, scenes, self.cameras, size)
             out[task] = {0: LazyVector([make] * n_envs, use_async_envs)}
         return out

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.data.recipe import Cell
+from pipeline.data.rules import STRICT, Rules
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.env import DominoEnv
 from pipeline.evaluate.evaluate import inline
@@ -27,13 +28,15 @@ class Scenes:
     manifests: Path
     protocol_seed: int = 0
     first_seed: int = 1000
+    rules: Rules = STRICT
 
     def case(self, seed: int) -> Case:
         """The scene of a seed; the expert is run where no manifest has it yet. Raises ValueError for a seed before the first."""
         index = seed - self.first_seed
         if index < 0:
             raise ValueError(f"seed {seed} comes before the first, {self.first_seed}: set env.first_seed to --seed")
-        return Manifests(self.manifests, self.protocol_seed).admitted([self.cell], index + 1, inline)[self.cell][index]
+        manifests = Manifests(self.manifests, self.protocol_seed, rules=self.rules)
+        return manifests.admitted([self.cell], index + 1, inline)[self.cell][index]
 
 
 class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
