@@ -22,9 +22,10 @@ from pipeline.commands.evaluate import evaluate
 from pipeline.commands.export import ExportCommand, export
 from pipeline.commands.inspect import status, verify
 from pipeline.commands.render import render
+from pipeline.commands.serve_policy import serve_policy
 from pipeline.data.errors import DominoError
 
-VERBS = (build, plan, status, verify, render, export, annotate, evaluate, tasks, embodiments, objects, check_task)
+VERBS = (build, plan, status, verify, render, export, annotate, evaluate, serve_policy, tasks, embodiments, objects, check_task)
 CLASSES: dict[Callable[..., None], type[TyperCommand]] = {export: ExportCommand}
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 

@@ -29,7 +29,12 @@ from pipeline.run.signals import Stopped, stop_on_signal
 
 
 def evaluate(
-    policy: Annotated[str, typer.Option(help="replay, static, chaser, interceptor, random, or FILE.py with make_policy().")],
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="replay, static, chaser, interceptor, random, FILE.py with make_policy(), ws://HOST:PORT (docs/evaluation.md)."
+        ),
+    ],
     tasks: Tasks = None,
     embodiment: Embodiment = None,
     levels: Levels = "1",
@@ -58,7 +63,7 @@ def evaluate(
     from pipeline.evaluate.clock import parse_clock
     from pipeline.evaluate.evaluate import Evaluation
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policy import policy_name
+    from pipeline.evaluate.policies import policy_name
     from pipeline.evaluate.summary import table
     from pipeline.evaluate.views import CAMERAS
     from pipeline.run.evaluation import runner

@@ -2,7 +2,6 @@
 
 from gymnasium.envs.registration import register, registry
 
-import pipeline.evaluate.reference  # noqa: F401 (registers the built-in policies)
 from pipeline.evaluate.env import DominoEnv
 from pipeline.tasks import TASKS
 

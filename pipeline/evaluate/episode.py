@@ -12,11 +12,14 @@ from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.case import Case, start_hash
 from pipeline.evaluate.clock import Clock
+from pipeline.evaluate.contract import check_contract
 from pipeline.evaluate.metrics import score
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, SeesTruth, Start, chunk_of, make_policy
+from pipeline.evaluate.policies import make_policy
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, SeesTruth, Start, chunk_of
 from pipeline.evaluate.trial import Trial
 from pipeline.evaluate.views import Eyes, instruction_of
 from pipeline.stages.scene import build_scene
+from pipeline.world.cameras import cameras_of
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,13 @@ def _policy(name: PolicyName) -> Policy:
     return make_policy(name)
 
 
+def _start(job: EpisodeJob, trial: Trial, words: str) -> Start:
+    kinds = {camera.name: camera.type for camera in cameras_of(trial.scene.embodiment, job.camera_type)}
+    sizes = {name: (kinds[name].height, kinds[name].width) for name in job.cameras}
+    spec = job.case.spec
+    return Start(words, spec.embodiment, trial.limits.names, job.fps, job.cameras, spec.seed, sizes)
+
+
 def run_episode(job: EpisodeJob) -> dict[str, Any]:
     """The row of one episode, JSON values only. `seconds` are wall times and differ between runs, the rest does not.
 
@@ -60,7 +70,9 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
     words, policy, rng = instruction_of(scene, job.split), _policy(job.policy), spec.rng("evaluate/latency")
     try:
         with spent("policy"), _named(job.policy):
-            policy.reset(Start(words, spec.embodiment, trial.limits.names, job.fps, job.cameras, spec.seed))
+            start = _start(job, trial, words)
+            check_contract(policy, start)
+            policy.reset(start)
             if isinstance(policy, SeesTruth):
                 policy.see(trial, job.case)
         asked = 0

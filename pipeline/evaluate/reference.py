@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.evaluate.case import Case, expert_actions
-from pipeline.evaluate.policy import POLICIES, Observation, Start
+from pipeline.evaluate.policy import Observation, Start
 from pipeline.evaluate.scripted import Rehearsal, live, rehearse
 from pipeline.evaluate.trial import Trial
 from pipeline.planning.kinematics import ik_many
@@ -155,13 +155,3 @@ def _shifted(planner: Planner, row: Floats, command: Floats, sides: list[str], o
             q = found[0] if reached[0] else now[side][0]
         out.append(np.append(q, value))
     return np.concatenate(out)
-
-
-for _name, _policy in (
-    ("replay", Replay),
-    ("static", Static),
-    ("chaser", Chaser),
-    ("interceptor", Interceptor),
-    ("random", Random),
-):
-    POLICIES.add(_name, _policy)

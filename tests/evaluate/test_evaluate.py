@@ -14,7 +14,7 @@ import pytest
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policy import policy_name
+from pipeline.evaluate.policies import policy_name
 from tests.evaluate.test_env import case_of
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,8 @@ from pipeline.data.recipe import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.case import Case
-from pipeline.evaluate.policy import PolicyError, chunk_of, make_policy, policy_name
+from pipeline.evaluate.policies import make_policy, policy_name
+from pipeline.evaluate.policy import PolicyError, chunk_of
 from pipeline.evaluate.protocol import Manifest, Manifests, ProtocolError, first_seed, most_tries
 from pipeline.evaluate.results import Results, ResultsError
 from pipeline.motion.target_motion import TargetMotion

@@ -1,0 +1,56 @@
+"""serve-policy: put a policy behind a WebSocket."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import AsJson, UsageError, say
+
+
+def serve_policy(
+    policy: Annotated[str, typer.Argument(help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds.")],
+    host: Annotated[
+        str, typer.Option(help="Where to listen; others than loopback want a token in DOMINO_POLICY_TOKEN.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free port.")] = 8765,
+    clients: Annotated[int, typer.Option(min=1, help="Clients at the same time, each with a policy of its own.")] = 1,
+    protocol: Annotated[str, typer.Option(help="domino, or openpi for clients of openpi.")] = "domino",
+    embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
+    as_json: AsJson = False,
+) -> None:
+    """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
+    from pipeline.evaluate.policies import make_policy, policy_name
+    from pipeline.evaluate.policy import Policy, SeesTruth
+    from pipeline.evaluate.serving.address import token
+    from pipeline.evaluate.serving.openpi import Openpi
+    from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
+    from pipeline.evaluate.serving.session import Domino
+    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
+
+    if protocol not in ("domino", "openpi"):
+        raise UsageError(f"--protocol {protocol!r} is unknown: choose domino or openpi")
+    try:
+        robot = get_embodiment(embodiment).name
+    except UnknownEmbodiment as error:
+        raise UsageError(f"--embodiment: {error}") from error
+    place, name = Place(host, port, token()), policy_name(policy)
+
+    def made() -> Policy:
+        found = make_policy(name)
+        if isinstance(found, SeesTruth):
+            raise UsageError(f"{policy} is shown the simulation itself and cannot be served: give it to evaluate --policy")
+        return found
+
+    def started(port: int) -> None:
+        shown = f"[{host}]" if ":" in host else host
+        say(
+            {"policy": name.label, "host": host, "port": port},
+            as_json,
+            f"serving {name.label} on {'ws' if protocol == 'domino' else protocol}://{shown}:{port}",
+        )
+        sys.stdout.flush()
+
+    language = Domino(name.label) if protocol == "domino" else Openpi(name.label, robot)
+    server = PolicyServer(made, language, place, Limits(clients), lambda line: typer.echo(line, err=True))
+    server.run(started)

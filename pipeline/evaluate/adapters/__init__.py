@@ -1,0 +1,1 @@
+"""Policies written for other projects, in this process."""

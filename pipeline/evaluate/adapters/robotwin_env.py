@@ -1,0 +1,99 @@
+"""TASK_ENV as RoboTwin's deploy_policy.py files know it, over our environment."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.evaluate.actions import ActionError, ToolPoses, checked
+from pipeline.evaluate.adapters.turns import Turns
+from pipeline.evaluate.policy import Observation, Start
+from pipeline.planning.planner import planner_of
+from pipeline.poses import compose, pose
+from pipeline.world.robots import get_embodiment
+from pipeline.world.robots.contract import SIDES
+
+Floats = NDArray[np.float64]
+
+BEHIND_TCP = 0.12
+"""m; the original's tool poses are this far behind the tool centre point, along its x axis."""
+
+_TO_TCP, _FROM_TCP = pose([BEHIND_TCP, 0, 0]), pose([-BEHIND_TCP, 0, 0])
+
+
+class RobotwinRobot:
+    """Observations and actions of a robot in the original's form."""
+
+    def __init__(self, embodiment: str) -> None:
+        robot = get_embodiment(embodiment)
+        self._planner, self._tools = planner_of(robot), ToolPoses(robot)
+        self.arm_dims = {side: len(robot.arms[side].arm_joints) for side in SIDES}
+
+    def observation(self, seen: Observation) -> dict[str, Any]:
+        """observation/<camera>/rgb (H,W,3) uint8, joint_action/..., endpose/... (7,) wxyz, instruction, timestamp (s)."""
+        parts = self._planner.split(np.asarray(seen.joints, float))
+        joints: dict[str, Any] = {"vector": np.asarray(seen.joints, float)}
+        endpose: dict[str, Any] = {}
+        for side, (q, gripper) in parts.items():
+            joints |= {f"{side}_arm": q.tolist(), f"{side}_gripper": gripper}
+            endpose |= {f"{side}_endpose": compose(self._planner.fk(side, q), _FROM_TCP).tolist(), f"{side}_gripper": gripper}
+        return {
+            "observation": {name: {"rgb": image} for name, image in seen.images.items()},
+            "pointcloud": [],
+            "joint_action": joints,
+            "endpose": endpose,
+            "instruction": seen.instruction,
+            "timestamp": seen.time,
+        }
+
+    def joints(self, action: ArrayLike, kind: str, measured: Floats, command: Floats) -> Floats:
+        """Joint targets (A,) of an action: `qpos` (A,); `ee` (16,), per side a pose of the tool and the gripper; `delta_ee` (16,),
+        where the pose is relative to that measured now, in its own frame. Raises ActionError."""
+        if kind == "qpos":
+            return checked(action, len(command))
+        if kind not in ("ee", "delta_ee"):
+            raise ActionError(f"action_type {kind!r} is unknown: choose qpos, ee or delta_ee")
+        values = checked(action, 16).copy()
+        now = self._planner.split(measured)
+        for i, side in enumerate(SIDES):
+            part = slice(8 * i, 8 * i + 7)
+            given = pose(values[part][:3], _unit(values[part][3:], side))
+            if kind == "delta_ee":
+                given = compose(compose(self._planner.fk(side, now[side][0]), _FROM_TCP), given)
+            values[part] = compose(given, _TO_TCP)
+        return self._tools.joints(values, command)[0]
+
+
+def _unit(quaternion: Floats, side: str) -> Floats:
+    if np.linalg.norm(quaternion) < 1e-6:
+        raise ActionError(f"the quaternion of the {side} tool is zero")
+    return quaternion
+
+
+class TaskEnv:
+    """What eval(TASK_ENV, model, observation) is given. An action is executed in one control period."""
+
+    def __init__(self, robot: RobotwinRobot, start: Start, turns: Turns) -> None:
+        self._robot, self._start, self._turns = robot, start, turns
+        self._seen = turns.first()
+        self._command = np.asarray(self._seen.joints, float)
+        self.instruction, self.take_action_cnt, self.eval_success = start.instruction, 0, False
+
+    def get_instruction(self) -> str:
+        """The instruction of the episode."""
+        return self.instruction
+
+    def get_obs(self) -> dict[str, Any]:
+        """The observation now: see RobotwinRobot."""
+        return self._robot.observation(self._seen)
+
+    def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
+        """Execute an action and wait until its control period is over. Raises ActionError."""
+        self._command = self._robot.joints(action, action_type, np.asarray(self._seen.joints, float), self._command)
+        self._seen = self._turns.after(self._command)
+        self.take_action_cnt += 1
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(
+            f"TASK_ENV has no {name} here: only get_instruction, get_obs, take_action, instruction, take_action_cnt, eval_success"
+        )

@@ -1,0 +1,105 @@
+"""Policies by name: built-in ones, and files with a function `make_policy()`.
+
+The first part of a name, up to a colon, may be a kind of policy: FORMS has one entry for each, given the whole name.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from pipeline.evaluate.adapters.files import digest_of, module_of
+from pipeline.evaluate.adapters.lerobot import LerobotForm
+from pipeline.evaluate.adapters.robotwin import RobotwinForm
+from pipeline.evaluate.adapters.xpolicylab import XPolicyLabForm
+from pipeline.evaluate.policy import Policy, PolicyError, PolicyName
+from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static
+from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
+from pipeline.evaluate.serving.groot import GrootForm
+from pipeline.evaluate.serving.openpi import OpenpiForm
+from pipeline.evaluate.serving.starvla import StarvlaForm
+from pipeline.registry import Registry
+
+POLICIES = Registry[Callable[..., Policy]]("policy")
+"""Built-in policies by name; their keyword arguments are numbers."""
+
+
+class Form(Protocol):
+    """A kind of policy that is named KIND:..."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check that the policy exists, without making it. Raises PolicyError."""
+        ...
+
+    def make(self, text: str) -> Policy:
+        """The policy. Raises PolicyError where it cannot be made."""
+        ...
+
+
+FORMS = Registry[Form]("kind of policy")
+"""Kinds of policies by what stands before the colon."""
+
+for _name, _policy in (
+    ("replay", Replay),
+    ("static", Static),
+    ("chaser", Chaser),
+    ("interceptor", Interceptor),
+    ("random", Random),
+):
+    POLICIES.add(_name, _policy)
+
+for _name, _form in (
+    *((scheme, RemoteForm()) for scheme in SCHEMES),
+    ("openpi", OpenpiForm()),
+    ("starvla", StarvlaForm()),
+    ("gr00t", GrootForm()),
+    ("robotwin", RobotwinForm()),
+    ("xpolicylab", XPolicyLabForm()),
+    ("lerobot", LerobotForm()),
+):
+    FORMS.add(_name, _form)
+
+
+def policy_name(text: str) -> PolicyName:
+    """Check that a policy exists, without making it. Raises PolicyError."""
+    kind = text.partition(":")[0]
+    if kind in FORMS:
+        return FORMS[kind].name(text)
+    if text.endswith(".py"):
+        return PolicyName(str(Path(text).resolve()), f"{Path(text).name}@{digest_of([Path(text)])}")
+    if kind not in POLICIES:
+        forms = "".join(f", {form}:..." for form in FORMS)
+        raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
+    _arguments(text)
+    return PolicyName(text, text)
+
+
+def make_policy(name: PolicyName) -> Policy:
+    """The policy of a name. Raises PolicyError where it cannot be made."""
+    kind = name.text.partition(":")[0]
+    if kind in FORMS:
+        return FORMS[kind].make(name.text)
+    if not name.text.endswith(".py"):
+        built_in, arguments = _arguments(name.text)
+        try:
+            return POLICIES[built_in](**arguments)
+        except TypeError as error:
+            raise PolicyError(f"--policy {name.text}: {error}") from error
+    module = module_of(Path(name.text))
+    maker = getattr(module, "make_policy", None)
+    if not callable(maker):
+        raise PolicyError(f"{name.text}: has no function make_policy() that returns a policy")
+    policy: Any = maker()
+    for method in ("reset", "act"):
+        if not callable(getattr(policy, method, None)):
+            raise PolicyError(f"{name.text}: make_policy() returned a {type(policy).__name__} without a method {method}")
+    return policy
+
+
+def _arguments(text: str) -> tuple[str, dict[str, float]]:
+    """ "interceptor:noise=0.01,delay=0.1" as a name and numbers."""
+    name, _, rest = text.partition(":")
+    try:
+        pairs = [part.split("=") for part in rest.split(",") if part]
+        return name, {key: float(value) for key, value in pairs}
+    except ValueError as error:
+        raise PolicyError(f"--policy {text!r}: write arguments as name:key=number,key=number") from error

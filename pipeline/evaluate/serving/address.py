@@ -1,0 +1,64 @@
+"""Addresses of policy servers: SCHEME://HOST:PORT?option=value, and the token that goes with them."""
+
+import ipaddress
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from urllib.parse import parse_qsl, urlsplit
+
+from pipeline.evaluate.policy import PolicyError
+
+TOKEN = "DOMINO_POLICY_TOKEN"
+"""The environment variable that holds the token, on both sides: a command line can be read by everybody on the machine."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a server listens. `text` is what the user wrote."""
+
+    text: str
+    host: str
+    port: int
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def url(self, scheme: str) -> str:
+        """The address with another scheme and without options."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{scheme}://{host}:{self.port}"
+
+    def number(self, option: str, default: int | None = None) -> int | None:
+        """An option that is a positive whole number. Raises PolicyError for something else."""
+        value = self.options.get(option)
+        if value is None:
+            return default
+        if not (value.isascii() and value.isdigit() and int(value) > 0):
+            raise PolicyError(f"--policy {self.text}: {option}={value} is not a positive number")
+        return int(value)
+
+
+def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
+    """The address in a text, with a default port. Raises PolicyError for anything else, and for options not among `options`."""
+    try:
+        parts = urlsplit(text)
+        host, given = parts.hostname, parts.port or port
+        query = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
+    except ValueError as error:
+        raise PolicyError(f"--policy {text!r}: {error}; write SCHEME://HOST:PORT") from error
+    if not host or given is None or parts.path not in ("", "/") or parts.username is not None or parts.fragment:
+        raise PolicyError(f"--policy {text!r} is no address: write {parts.scheme}://HOST:PORT")
+    if unknown := sorted(set(query) - set(options)):
+        raise PolicyError(f"--policy {text}: option {unknown[0]!r} is unknown: options are {', '.join(options) or '(none)'}")
+    return Address(text, host, given, query)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host can be reached from this machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def token() -> str | None:
+    """The token from the environment, if there is one."""
+    return os.environ.get(TOKEN) or None

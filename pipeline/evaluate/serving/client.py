@@ -1,0 +1,137 @@
+"""A policy on a server that speaks this project's protocol: --policy ws://HOST:PORT or wss://HOST:PORT."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.evaluate.contract import mismatch, served
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.serving.address import Address, parse_address, token
+from pipeline.evaluate.serving.session import PROTOCOL, VERSION, contract_of, text
+from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Lost, Socket
+from pipeline.evaluate.serving.wire import WireError
+
+SCHEMES = ("ws", "wss")
+
+
+class Remote:
+    """A policy over the network. The connection is opened at the first reset and again where it was lost between episodes."""
+
+    def __init__(self, address: Address) -> None:
+        scheme = address.text.partition(":")[0]
+        self._url, self._length = address.url(scheme), 0
+        self._socket: Socket | None = None
+        self._greeted: tuple[object, ...] | None = None
+
+    def label(self) -> str:
+        """What the server calls its policy. Raises PolicyError where it cannot be reached."""
+        socket, offer = self._open()
+        socket.close()
+        return text(offer, "policy")
+
+    def reset(self, start: Start) -> None:
+        """Greet the server, once for all episodes of one robot, and begin an episode. Raises PolicyError."""
+        same = (start.embodiment, start.action_names, start.fps, tuple(start.image_sizes.items()))
+        if self._socket is not None and same == self._greeted:
+            try:
+                return self._begin(self._socket, start)
+            except Lost:
+                self._socket.close()
+        elif self._socket is not None:
+            self._socket.close()
+        self._socket, self._greeted = None, None
+        socket, offer = self._open()
+        try:
+            self._greet(socket, offer, start)
+            self._begin(socket, start)
+        except PolicyError:
+            socket.close()
+            raise
+        self._socket, self._greeted, self._length = socket, same, len(start.action_names)
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """Ask for a chunk. Raises PolicyError."""
+        if self._socket is None:
+            raise PolicyError(f"{self._url}: asked before reset")
+        message = {
+            "type": "act",
+            "time": observation.time,
+            "joints": np.asarray(observation.joints, np.float64),
+            "images": dict(observation.images),
+        }
+        try:
+            answer = self._told(self._socket.ask(message), "actions").get("actions")
+        except PolicyError:
+            self.close()
+            raise
+        if not isinstance(answer, np.ndarray):
+            raise PolicyError(f"{self._url}: actions is a {type(answer).__name__}, not an array")
+        return chunk_of(answer, self._length)
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket, self._greeted = None, None
+
+    def _open(self) -> tuple[Socket, dict[object, object]]:
+        secret = token()
+        socket = Socket(self._url, {"Authorization": f"Bearer {secret}"} if secret else None)
+        try:
+            offer = socket.receive(CONNECT_SECONDS)
+            if offer.get("type") == "error":
+                self._told(offer, "offer")
+            if offer.get("protocol") != PROTOCOL:
+                raise PolicyError(
+                    f"{self._url}: speaks another protocol: give openpi://HOST:PORT or starvla://HOST:PORT for theirs"
+                )
+            if offer.get("version") != VERSION:
+                raise PolicyError(
+                    f"{self._url}: protocol version: the server speaks {str(offer.get('version'))[:20]}, this client {VERSION}"
+                )
+        except PolicyError:
+            socket.close()
+            raise
+        return socket, offer
+
+    def _greet(self, socket: Socket, offer: dict[object, object], start: Start) -> None:
+        given = served(start)
+        try:
+            reason = mismatch(contract_of(offer.get("contract")), given)
+        except WireError as error:
+            raise PolicyError(f"{self._url}: {error}") from error
+        if reason:
+            raise PolicyError(f"{self._url}: {reason}")
+        hello = {
+            "type": "hello",
+            "version": VERSION,
+            "embodiment": start.embodiment,
+            "action_names": list(given.action_names),
+            "rate": given.rate,
+            "image_sizes": {name: list(size) for name, size in given.image_sizes.items()},
+            "chunk": given.chunk,
+            "normalization": given.normalization,
+        }
+        self._told(socket.ask(hello), "welcome")
+
+    def _begin(self, socket: Socket, start: Start) -> None:
+        self._told(socket.ask({"type": "reset", "instruction": start.instruction, "seed": start.seed}), "ready")
+
+    def _told(self, message: dict[object, object], kind: str) -> dict[object, object]:
+        """The message, if it is of this kind. Raises PolicyError with the server's reason, or for another kind."""
+        if message.get("type") == "error":
+            raise PolicyError(f"{self._url}: {' '.join(str(message.get('reason')).split())[:500]}")
+        if message.get("type") != kind:
+            raise PolicyError(f"{self._url}: answered {str(message.get('type'))[:40]!r} instead of {kind!r}")
+        return message
+
+
+class RemoteForm:
+    """The form ws://HOST:PORT of a policy's name. The server is asked at once what it serves: that is the label in results."""
+
+    def name(self, text: str) -> PolicyName:
+        """Connect and ask. Raises PolicyError."""
+        return PolicyName(text, f"ws:{Remote(parse_address(text)).label()}")
+
+    def make(self, text: str) -> Policy:
+        """The client."""
+        return Remote(parse_address(text))

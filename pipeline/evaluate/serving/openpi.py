@@ -1,0 +1,148 @@
+"""openpi's protocol (ALOHA), as a client of its servers and as a server for its clients.
+
+    server    metadata, a map
+    client    {"state": (14,) float32, "images": {"cam_high", "cam_left_wrist", "cam_right_wrist": (3,S,S) uint8}, "prompt": text}
+    server    {"actions": (H,14), "server_timing": {"infer_ms"}}; an error as text, then close code 1011
+
+Joints are in our order, left arm, left gripper, right arm, right gripper, grippers 0-1. A connection is an episode.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.evaluate.contract import check_contract
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.serving.address import Address, parse_address, token
+from pipeline.evaluate.serving.fit import DATASET_CAMERAS, first_rows, padded
+from pipeline.evaluate.serving.session import Session, array, text
+from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Socket
+from pipeline.evaluate.serving.wire import WireError
+from pipeline.world.robots import get_embodiment
+
+PORT, SIZE = 8000, 224
+
+
+class OpenpiClient:
+    """A policy on an openpi server. `execute` rows of every chunk are executed, all by default; images are squares of `size`."""
+
+    def __init__(self, address: Address) -> None:
+        self._url = address.url("ws")
+        self._execute, self._size = address.number("execute"), address.number("size", SIZE) or SIZE
+        self._socket: Socket | None = None
+
+    def reset(self, start: Start) -> None:
+        """Open a connection. Raises PolicyError."""
+        self.close()
+        secret = token()
+        self._socket = Socket(self._url, {"Authorization": f"Api-Key {secret}"} if secret else None)
+        self._socket.receive(CONNECT_SECONDS)
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """A chunk (H,A). Raises PolicyError."""
+        if self._socket is None:
+            raise PolicyError(f"{self._url}: asked before reset")
+        images = {
+            EXPORTED_CAMERAS[name]: np.ascontiguousarray(padded(image, self._size).transpose(2, 0, 1))
+            for name, image in observation.images.items()
+        }
+        state = np.asarray(observation.joints, np.float32)
+        answer = self._socket.ask({"state": state, "images": images, "prompt": observation.instruction})
+        actions = answer.get("actions")
+        if not isinstance(actions, np.ndarray):
+            raise PolicyError(f"{self._url}: the answer has no array actions, but {', '.join(map(str, answer)) or 'nothing'}")
+        return first_rows(actions, self._execute)
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class OpenpiForm:
+    """The form openpi://HOST:PORT?execute=N&size=S of a policy's name."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check that the server is there. Raises PolicyError."""
+        policy = OpenpiClient(_address(text))
+        policy.reset(Start("", "", (), DEFAULT_FPS, (), 0))
+        policy.close()
+        return PolicyName(text, text)
+
+    def make(self, text: str) -> Policy:
+        """The client."""
+        return OpenpiClient(_address(text))
+
+
+def _address(text: str) -> Address:
+    return parse_address(text, PORT, ("execute", "size"))
+
+
+@dataclass(frozen=True)
+class Openpi:
+    """The language of a server that openpi's clients can talk to. They do not name their robot: `embodiment` is assumed."""
+
+    label: str
+    embodiment: str
+
+    def session(self, policy: Policy) -> Session:
+        """A policy behind this protocol."""
+        return OpenpiSession(policy, self)
+
+    def error(self, reason: str) -> str:
+        """Errors are text."""
+        return reason
+
+
+class OpenpiSession:
+    """A policy for one connection of an openpi client, which is one episode."""
+
+    def __init__(self, policy: Policy, language: Openpi) -> None:
+        self._policy, self._language = policy, language
+        self._start: Start | None = None
+        self._asked = 0
+
+    def greeting(self) -> dict[str, Any]:
+        """The metadata."""
+        return {"policy": self._language.label, "embodiment": self._language.embodiment}
+
+    def answer(self, message: dict[Any, Any]) -> dict[str, Any]:
+        """Infer. The clock of the observation counts control periods of the chunks answered so far."""
+        prompt, images = text(message, "prompt"), _images(message.get("images"))
+        sizes = {name: (image.shape[0], image.shape[1]) for name, image in images.items()}
+        if self._start is None:
+            robot = get_embodiment(self._language.embodiment)
+            self._start = Start(prompt, robot.name, robot.vector_names, DEFAULT_FPS, tuple(sizes), 0, sizes)
+            check_contract(self._policy, self._start)
+            self._policy.reset(self._start)
+        elif dict(self._start.image_sizes) != sizes:
+            raise WireError("images are of other cameras or sizes than before")
+        length = len(self._start.action_names)
+        state = array(message.get("state"), "state", (length,), "f").astype(np.float64)
+        began = time.perf_counter()
+        chunk = chunk_of(self._policy.act(Observation(state, prompt, self._asked / DEFAULT_FPS, images)), length)
+        self._asked += len(chunk)
+        return {"actions": chunk, "server_timing": {"infer_ms": 1000 * (time.perf_counter() - began)}}
+
+
+def _images(found: object) -> dict[str, NDArray[np.uint8]]:
+    """Images by the names of our cameras."""
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise WireError("images is no map from cameras to arrays")
+    out: dict[str, NDArray[np.uint8]] = {}
+    for name, value in found.items():
+        out[DATASET_CAMERAS.get(str(name), str(name))] = _image(str(name), value)
+    return out
+
+
+def _image(name: str, value: object) -> NDArray[np.uint8]:
+    """(3,H,W) or (H,W,3) uint8 as (H,W,3)."""
+    if not isinstance(value, np.ndarray) or value.dtype != np.uint8 or value.ndim != 3 or 3 not in (value.shape[0], value.shape[2]):
+        raise WireError(f"image {name[:40]} is no array (3,H,W) or (H,W,3) of uint8")
+    return np.ascontiguousarray(value.transpose(1, 2, 0)) if value.shape[0] == 3 else value

@@ -1,0 +1,55 @@
+"""The page about evaluation: its example runs, its table of forms and of messages is that of the code."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pipeline.evaluate.clock import parse_clock
+from pipeline.evaluate.contract import Contract
+from pipeline.evaluate.episode import EpisodeJob, run_episode
+from pipeline.evaluate.policies import FORMS, POLICIES, policy_name
+from pipeline.evaluate.policy import PolicyError
+from pipeline.evaluate.serving.session import Domino, DominoSession
+from pipeline.evaluate.serving.wire import unpack
+from tests.evaluate.servers import NAMES, Echo
+from tests.evaluate.test_env import case_of
+from tests.evaluate.test_serving import ACT, HELLO, RESET
+
+TEXT = (Path(__file__).parents[2] / "docs" / "evaluation.md").read_text()
+
+
+def test_the_example_of_a_file_runs(tmp_path):
+    (example,) = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    assert len([line for line in example.splitlines() if line.strip()]) <= 20
+    path = tmp_path / "waits.py"
+    path.write_text(example)
+    case, clock = case_of("click_bell", 1), parse_clock("sim")
+    row = run_episode(EpisodeJob(case, policy_name(str(path)), clock, cameras=("head_camera",)))
+    assert row["ending"] == "out_of_view" and row["asked"] == -(-row["periods"] // 15)
+    with pytest.raises(PolicyError, match="needs head_camera, the evaluation shows none"):
+        run_episode(EpisodeJob(case, policy_name(str(path)), clock))
+
+
+def test_every_form_of_a_policy_is_described():
+    table = TEXT.split("## Policies")[1].split("### A file")[0]
+    described = set(re.findall(r"`([a-z0-9]+)(?:[:`])", table.replace("://", ":")))
+    assert described >= {*FORMS, *POLICIES}
+
+
+def test_every_message_is_described():
+    table = TEXT.split("### The protocol")[1].split("## Clocks")[0]
+    rows = {
+        name: (sender, keys) for name, sender, keys in re.findall(r"^\| `(\w+)` \| (server|client) \|(.*)\|$", table, re.MULTILINE)
+    }
+    contract = Contract(NAMES, {"head_camera": (6, 8)}, 15, 2)
+    talk = DominoSession(Echo(contract), "echo")
+    spoken = [("server", talk.greeting())]
+    for message in (HELLO, RESET, ACT):
+        spoken += [("client", message), ("server", talk.answer(message))]
+    spoken.append(("server", unpack(Domino("echo").error("no"))))
+    assert [message["type"] for _, message in spoken] == list(rows)
+    for sender, message in spoken:
+        assert rows[message["type"]][0] == sender
+        keys = {*message, *message.get("contract", {})} - {"type"}
+        assert keys == set(re.findall(r"`(\w+)`", rows[message["type"]][1]))

@@ -1,0 +1,336 @@
+"""Clients of openpi, StarVLA and GR00T servers against stand-ins of their published formats; a server for openpi's clients."""
+
+import http.client
+import io
+import threading
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.sync.server import serve
+
+from pipeline.evaluate.policies import make_policy, policy_name
+from pipeline.evaluate.policy import Observation, PolicyError, Start
+from pipeline.evaluate.serving.fit import padded
+from pipeline.evaluate.serving.groot import npy, parts_of
+from pipeline.evaluate.serving.openpi import Openpi
+from pipeline.evaluate.serving.wire import WireError
+from pipeline.export.lerobot_format import modality
+from pipeline.world.robots import get_embodiment
+from tests.evaluate.servers import serving
+
+NAMES = get_embodiment("aloha").vector_names
+CAMERAS = ("head_camera", "left_camera")
+START = Start("press the bell", "aloha-agilex", NAMES, 15, CAMERAS, 7, dict.fromkeys(CAMERAS, (24, 32)))
+JOINTS = np.arange(14) / 10
+
+
+def look(value=200):
+    return Observation(JOINTS, "press the bell", 0.0, {name: np.full((24, 32, 3), value, np.uint8) for name in CAMERAS})
+
+
+# The stand-ins read and write messages by the format's own words, with nothing of ours.
+
+
+def numpy_out(a):
+    return {b"__ndarray__": True, b"data": a.tobytes(), b"dtype": a.dtype.str, b"shape": a.shape}
+
+
+def numpy_in(value):
+    if isinstance(value, dict) and b"__ndarray__" in value:
+        return np.ndarray(buffer=value[b"data"], dtype=np.dtype(value[b"dtype"]), shape=value[b"shape"])
+    if isinstance(value, dict):
+        return {k: numpy_in(v) for k, v in value.items()}
+    return [numpy_in(v) for v in value] if isinstance(value, list) else value
+
+
+@contextmanager
+def websocket(answer, greeting=None):
+    """The port of a server that sends a greeting, then answers every message; what it received, and its clients' headers."""
+    seen = SimpleNamespace(messages=[], headers=[])
+
+    def handle(socket):
+        seen.headers.append(socket.request.headers.get("Authorization"))
+        if greeting is not None:
+            socket.send(msgpack.packb(greeting))
+        try:
+            for data in socket:
+                seen.messages.append(numpy_in(msgpack.unpackb(data)))
+                told = answer(seen.messages[-1])
+                socket.send(told if isinstance(told, str) else msgpack.packb(told, default=numpy_out))
+        except ConnectionClosed:
+            return
+
+    with serve(handle, "127.0.0.1", 0, compression=None) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server.socket.getsockname()[1], seen
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+CHUNK = np.arange(5 * 14, dtype=np.float32).reshape(5, 14) / 100
+
+
+def test_openpi_is_asked_in_its_own_words(monkeypatch):
+    monkeypatch.setenv("DOMINO_POLICY_TOKEN", "0123456789abcdef")
+    answers = {"actions": CHUNK, "server_timing": {"infer_ms": 3.0}, "policy_timing": {}}
+    with websocket(lambda m: answers, {"model": "pi0"}) as (port, seen):
+        policy = make_policy(policy_name(f"openpi://127.0.0.1:{port}?execute=3"))
+        policy.reset(START)
+        assert np.array_equal(policy.act(look()), CHUNK[:3])
+        policy.close()
+    asked = seen.messages[0]
+    assert set(asked) == {"state", "images", "prompt"}
+    assert asked["prompt"] == "press the bell"
+    assert asked["state"].dtype == np.float32 and np.allclose(asked["state"], JOINTS)
+    assert set(asked["images"]) == {"cam_high", "cam_left_wrist"}
+    image = asked["images"]["cam_high"]
+    assert image.shape == (3, 224, 224) and image.dtype == np.uint8
+    assert image[:, 112, 112].tolist() == [200] * 3 and image[:, 5, 112].tolist() == [0] * 3
+    assert set(seen.headers) == {"Api-Key 0123456789abcdef"}
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ("Traceback:\n  File x\nKeyError: 'state'", "the server failed: KeyError: 'state'"),
+        ({"action": 3}, "no array actions, but action"),
+        ({"actions": [[1.0] * 14]}, "no array actions"),
+    ],
+)
+def test_what_openpi_does_wrong_is_one_line(told, said):
+    with websocket(lambda m: told, {}) as (port, _):
+        policy = make_policy(policy_name(f"openpi://127.0.0.1:{port}"))
+        policy.reset(START)
+        with pytest.raises(PolicyError, match=said) as error:
+            policy.act(look())
+        assert "\n" not in str(error.value)
+        policy.close()
+
+
+class Brightness:
+    """Joints + the first pixel of every camera."""
+
+    def __init__(self):
+        self.starts, self.times = [], []
+
+    def reset(self, start):
+        self.starts.append(start)
+
+    def act(self, observation):
+        self.times.append(observation.time)
+        return observation.joints + sum(float(i[0, 0, 0]) for i in observation.images.values())
+
+
+def openpi_client(port, asked):
+    """What openpi's client does: the metadata, then an answer for each observation."""
+    with connect(f"ws://127.0.0.1:{port}", compression=None, proxy=None) as socket:
+        metadata, answers = numpy_in(msgpack.unpackb(socket.recv())), []
+        for observation in asked:
+            socket.send(msgpack.packb(observation, default=numpy_out))
+            answers.append(socket.recv(timeout=5))
+        return metadata, answers
+
+
+def test_clients_of_openpi_are_served():
+    made = Brightness()
+    image = np.full((3, 24, 32), 9, np.uint8)
+    good = {"state": JOINTS.astype(np.float32), "images": {"cam_high": image, "cam_left_wrist": image}, "prompt": "press"}
+    with serving(lambda: made, language=Openpi("bright", "aloha-agilex")) as port:
+        for _ in range(2):
+            metadata, answers = openpi_client(port, [good, good])
+            told = numpy_in(msgpack.unpackb(answers[1]))
+            assert metadata["policy"] == "bright"
+            assert np.allclose(told["actions"], JOINTS.astype(np.float32)[None] + 18)
+            assert told["server_timing"]["infer_ms"] >= 0
+        client = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        client.request("GET", "/healthz")
+        assert client.getresponse().status == 200
+        client.close()
+        for bad, said in (
+            ({"state": JOINTS[:3].astype(np.float32)}, "state is float32 (3,)"),
+            ({"images": {"cam_high": image.astype(float)}}, "no array (3,H,W)"),
+            ({"images": 3}, "no map"),
+            ({"prompt": None}, "prompt is no text"),
+        ):
+            _, (answer,) = openpi_client(port, [good | bad])
+            assert isinstance(answer, str) and said in answer
+    assert [start.cameras for start in made.starts[:2]] == [CAMERAS] * 2
+    assert made.starts[0].action_names == NAMES and made.starts[0].instruction == "press"
+    assert made.times[:2] == [0, 1 / 15]
+
+
+def test_our_client_and_our_server_of_openpi_agree():
+    with serving(Brightness, language=Openpi("bright", "aloha-agilex")) as port:
+        policy = make_policy(policy_name(f"openpi://127.0.0.1:{port}?size=64"))
+        for _ in range(2):
+            policy.reset(START)
+            # padded above and below: the first pixel is black
+            assert np.allclose(policy.act(look()), JOINTS[None], atol=1e-6)
+        policy.close()
+
+
+def starvla(message):
+    assert message["type"] == "predict_action"
+    return {
+        "status": "ok",
+        "ok": True,
+        "type": "inference_result",
+        "request_id": message["request_id"],
+        "data": {"actions": CHUNK[None]},
+    }
+
+
+@pytest.mark.parametrize("greeting", [None, {"env": "sim"}])
+def test_starvla_is_asked_in_its_own_words(greeting):
+    with websocket(starvla, greeting) as (port, seen):
+        policy = make_policy(policy_name(f"starvla://127.0.0.1:{port}?unnorm_key=aloha&execute=2"))
+        policy.reset(START)
+        assert np.array_equal(policy.act(look()), CHUNK[:2])
+        assert np.array_equal(policy.act(look()), CHUNK[:2])
+        policy.close()
+    first, second = seen.messages
+    assert set(first) == {"type", "request_id", "payload"} and first["request_id"] != second["request_id"]
+    assert first["payload"]["unnorm_key"] == "aloha"
+    (example,) = first["payload"]["examples"]
+    assert example["lang"] == "press the bell" and [i.shape for i in example["image"]] == [(224, 224, 3)] * 2
+    assert np.allclose(example["state"], JOINTS[None])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"request_id": "other"}, "answered request other"),
+        ({"ok": False, "status": "error", "error": "no weights"}, "the server failed: no weights"),
+        ({"data": {"actions": CHUNK}}, r"no array \(1,T,A\)"),
+        ({"data": None}, r"no array \(1,T,A\)"),
+    ],
+)
+def test_what_starvla_does_wrong_is_one_line(change, said):
+    with websocket(lambda m: starvla(m) | change) as (port, _):
+        policy = make_policy(policy_name(f"starvla://127.0.0.1:{port}"))
+        policy.reset(START)
+        with pytest.raises(PolicyError, match=said):
+            policy.act(look())
+        policy.close()
+
+
+def npy_out(a):
+    file = io.BytesIO()
+    np.save(file, a)
+    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
+
+
+def npy_in(value):
+    if isinstance(value, dict) and "__ndarray_class__" in value:
+        return np.load(io.BytesIO(value["as_npy"]), allow_pickle=False)
+    if isinstance(value, dict):
+        return {k: npy_in(v) for k, v in value.items()}
+    return [npy_in(v) for v in value] if isinstance(value, list) else value
+
+
+@contextmanager
+def zeromq(answer):
+    seen, context = [], zmq.Context()
+    socket = context.socket(zmq.REP)
+    port = socket.bind_to_random_port("tcp://127.0.0.1")
+
+    def run():
+        while True:
+            message = npy_in(msgpack.unpackb(socket.recv()))
+            seen.append(message)
+            if message["endpoint"] == "kill":
+                return socket.send(b"\xc0")
+            socket.send(msgpack.packb(answer(message), default=npy_out))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield port, seen
+    finally:
+        with context.socket(zmq.REQ) as last:
+            last.connect(f"tcp://127.0.0.1:{port}")
+            last.send(msgpack.packb({"endpoint": "kill"}))
+            last.recv()
+        thread.join()
+        socket.close()
+        context.term()
+
+
+def groot(message):
+    parts = {"left_joints": 6, "left_gripper": 1, "right_joints": 6, "right_gripper": 1}
+    at, action = 0, {}
+    for part, width in parts.items():
+        action[part], at = CHUNK[None, :, at : at + width], at + width
+    return {"ping": {"status": "ok"}, "reset": {}, "get_action": [action, {"seconds": 0.1}]}[message["endpoint"]]
+
+
+def test_groot_is_asked_in_its_own_words():
+    with zeromq(groot) as (port, seen):
+        policy = make_policy(policy_name(f"gr00t://127.0.0.1:{port}?execute=4"))
+        policy.reset(START)
+        assert np.array_equal(policy.act(look()), CHUNK[:4])
+        policy.close()
+    assert [m["endpoint"] for m in seen[:3]] == ["ping", "reset", "get_action"]
+    observation = seen[2]["data"]["observation"]
+    assert observation["video"]["cam_high"].shape == (1, 1, 24, 32, 3)
+    assert observation["state"]["right_joints"].tolist() == [[pytest.approx(JOINTS[7:13].tolist())]]
+    assert observation["language"] == {"annotation.human.action.task_description": [["press the bell"]]}
+
+
+def test_the_parts_for_groot_are_those_of_our_exports():
+    for robot in ("aloha", "franka", "ur5"):
+        names = get_embodiment(robot).vector_names
+        facts = SimpleNamespace(log=SimpleNamespace(vector_names=names))
+        exported = {part: slice(at["start"], at["end"]) for part, at in modality(facts, {})["state"].items()}
+        assert parts_of(names) == exported
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"error": "boom\nbang"}, "the server failed: boom bang"),
+        ([{"left_joints": CHUNK}, {}], "no left_gripper"),
+        ([{}, {}], "no left_joints"),
+        ([dict.fromkeys(("left_joints", "left_gripper", "right_joints", "right_gripper"), CHUNK[None]), {}], "shapes"),
+        (7, "int, not a map"),
+    ],
+)
+def test_what_groot_does_wrong_is_one_line(told, said):
+    with zeromq(lambda m: told if m["endpoint"] == "get_action" else {}) as (port, _):
+        policy = make_policy(policy_name(f"gr00t://127.0.0.1:{port}"))
+        policy.reset(START)
+        with pytest.raises(PolicyError, match=said) as error:
+            policy.act(look())
+        assert "\n" not in str(error.value)
+        policy.close()
+
+
+def test_npy_files_are_checked_before_they_are_read():
+    def saved(a, **options):
+        file = io.BytesIO()
+        np.save(file, a, **options)
+        return file.getvalue()
+
+    for good in (CHUNK, np.asfortranarray(CHUNK), np.zeros((), np.int8)):
+        assert np.array_equal(npy(saved(good)), good)
+    whole = saved(np.zeros(4))
+    for bad in (saved(np.array([{}]), allow_pickle=True), saved(np.zeros(2, complex)), whole[:-1], whole[:20], b"", b"PK" * 50):
+        with pytest.raises(WireError):
+            npy(bad)
+    with pytest.raises(WireError, match="instead of"):
+        npy(whole.replace(b"(4,), }  ", b"(400,), }"))
+
+
+def test_images_are_padded_in_the_middle():
+    image = np.full((2, 4, 3), 50, np.uint8)
+    assert (padded(image, 8)[2:6] == 50).all() and not padded(image, 8)[:2].any() and not padded(image, 8)[6:].any()
+    assert padded(np.full((480, 640, 3), 9, np.uint8), 224).shape == (224, 224, 3)

@@ -1,0 +1,186 @@
+"""The environment type of LeRobot: scenes of the protocol, rewards that sum to MS, and lerobot-eval from end to end."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lerobot")
+
+from lerobot.envs.configs import EnvConfig, HubEnvConfig
+from lerobot.envs.utils import (
+    NEW_ROLLOUT_OPTION,
+    _call_make_env,
+    _import_hub_module,
+    _normalize_hub_result,
+    env_to_policy_features,
+    preprocess_observation,
+)
+from lerobot_env_domino.env import Scenes
+
+from lerobot_env_domino import DominoEnvConfig, DominoTask
+from pipeline.data.recipe import Cell
+from pipeline.evaluate.case import expert_actions
+from pipeline.evaluate.evaluate import inline
+from pipeline.evaluate.metrics import score
+from pipeline.evaluate.protocol import Manifests
+from pipeline.tasks import TASKS
+
+ROOT = Path(__file__).parents[2]
+PROJECT = ROOT / "lerobot_env_domino"
+CELL = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
+
+
+@pytest.fixture(scope="module")
+def manifests(tmp_path_factory):
+    return tmp_path_factory.mktemp("manifests")
+
+
+@pytest.fixture
+def task(manifests):
+    env = DominoTask(Scenes(CELL, manifests), ("head_camera",), (24, 32))
+    yield env
+    env.close()
+
+
+def play(env, actions):
+    """Rewards until the end, and the last info."""
+    rewards = []
+    for n in range(env._max_episode_steps):
+        observation, reward, terminated, truncated, info = env.step(actions[min(n, len(actions) - 1)])
+        assert env.observation_space.contains(observation)
+        rewards.append(reward)
+        if terminated or truncated:
+            return rewards, info
+    raise AssertionError("the episode does not end in time")
+
+
+def test_seeds_are_indices_of_the_admitted_scenes(task, manifests):
+    wanted = Manifests(manifests).admitted([CELL], 2, inline)[CELL]
+    scenes = Scenes(CELL, manifests)
+    assert [scenes.case(seed) for seed in (1000, 1001)] == wanted
+    assert wanted[0].spec.seed >= 100_000
+    _, info = task.reset(seed=1001)
+    assert info["seed"] == wanted[1].spec.seed and info["is_success"] is False
+    assert task.task_description == info["task_description"] != ""
+    _, info = task.reset(seed=1000)
+    assert task.reset()[1]["seed"] == wanted[1].spec.seed
+    with pytest.raises(ValueError, match=r"set env\.first_seed"):
+        scenes.case(999)
+
+
+def test_a_success_is_worth_a_hundred_at_once(task, manifests):
+    task.reset(seed=1000)
+    rewards, info = play(task, expert_actions(Scenes(CELL, manifests).case(1000), 15).astype(np.float32))
+    assert info["is_success"] is True
+    assert rewards[-1] == sum(rewards) == max(rewards) == 100
+
+
+def test_rewards_sum_to_the_score_and_their_maximum_is_the_completion(task):
+    observation, _ = task.reset(seed=1000)
+    towards = observation["agent_pos"].copy()
+    towards[[1, 8]] += 0.3
+    rewards, info = play(task, towards[None])
+    told = score(task._env.trial)
+    assert told.penalties == ("out_of_bounds",) and told.route_completion > 0
+    assert sum(rewards) == pytest.approx(told.manipulation_score) == pytest.approx(told.route_completion / 2)
+    assert max(rewards) == pytest.approx(told.route_completion)
+    assert info["is_success"] is False and info["manipulation_score"] == told.manipulation_score
+    assert task.render().shape == (24, 32, 3)
+
+
+def test_the_type_is_known_and_makes_nothing_before_it_is_used():
+    assert EnvConfig.get_choice_class("domino") is DominoEnvConfig
+    envs = DominoEnvConfig(task="all").create_envs(2)
+    assert sorted(envs) == sorted(TASKS)
+    assert not any(group[0].made for group in envs.values())
+    small = DominoEnvConfig(
+        task="click_bell, shake_bottle", camera_names="head_camera", observation_height=24, observation_width=32
+    )
+    assert list(small.create_envs(1)) == ["click_bell", "shake_bottle"]
+    features = env_to_policy_features(small)
+    assert {key: feature.shape for key, feature in features.items()} == {
+        "action": (14,),
+        "observation.state": (14,),
+        "observation.images.cam_high": (3, 24, 32),
+    }
+
+
+@pytest.mark.parametrize(
+    "bad", [{"task": "fly"}, {"camera_names": "third_eye"}, {"camera_names": ""}, {"fps": 30}, {"rules": "house"}]
+)
+def test_an_option_that_does_not_exist_is_refused(bad):
+    with pytest.raises(ValueError, match=r"^env\."):
+        DominoEnvConfig(**bad)
+
+
+def test_two_environments_end_one_after_the_other_and_wait(manifests):
+    config = DominoEnvConfig(camera_names="head_camera", observation_height=24, observation_width=32, manifests=str(manifests))
+    vector = config.create_envs(2)["click_bell"][0]
+    observation, _ = vector.reset(seed=[1000, 1001], options={NEW_ROLLOUT_OPTION: True})
+    assert preprocess_observation(observation)["observation.images.cam_high"].shape == (2, 3, 24, 32)
+    actions, ended, total = observation["agent_pos"], np.zeros(2, bool), np.zeros(2)
+    for _ in range(vector.call("_max_episode_steps")[0]):
+        _, reward, terminated, truncated, info = vector.step(actions)
+        total += reward
+        assert info["is_success"].tolist() == [False, False]
+        ended |= terminated | truncated
+        if ended.all():
+            break
+    assert ended.all()
+    assert np.allclose(total, [score(env.unwrapped._env.trial).manipulation_score for env in vector._ensure().envs])
+    vector.close()
+
+
+def test_the_file_for_the_hub_makes_environments():
+    module = _import_hub_module(str(PROJECT / "hub" / "env.py"), "user/repo")
+    made = _normalize_hub_result(_call_make_env(module, n_envs=1, use_async_envs=False, cfg=None))
+    assert list(made) == ["click_bell"] and not made["click_bell"][0].made
+    assert list(_call_make_env(module, 1, False, HubEnvConfig(task="shake_bottle"))) == ["shake_bottle"]
+
+
+def test_lerobot_eval_runs_a_random_act_from_end_to_end(tmp_path, manifests):
+    # what an installer writes: LeRobot finds environments by the names of distributions
+    name = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["name"]
+    site = tmp_path / "site" / f"{name}-0.1.0.dist-info"
+    site.mkdir(parents=True)
+    (site / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT, PROJECT / "src", site.parent))),
+        "HF_HUB_OFFLINE": "1",
+    }
+    out = tmp_path / "out"
+    options = {
+        "env.type": "domino",
+        "env.task": "click_bell",
+        "env.camera_names": "head_camera",
+        "env.observation_height": 24,
+        "env.observation_width": 32,
+        "env.manifests": manifests,
+        "policy.type": "act",
+        "policy.device": "cpu",
+        "policy.push_to_hub": "false",
+        "policy.pretrained_backbone_weights": "null",
+        "policy.dim_model": 32,
+        "policy.n_heads": 2,
+        "policy.dim_feedforward": 32,
+        "policy.n_encoder_layers": 1,
+        "policy.use_vae": "false",
+        "eval.n_episodes": 2,
+        "eval.batch_size": 1,
+        "output_dir": out,
+    }
+    words = [sys.executable, "-m", "lerobot.scripts.lerobot_eval", *(f"--{key}={value}" for key, value in options.items())]
+    done = subprocess.run(words, check=False, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[-3000:]
+    told = json.loads((out / "eval_info.json").read_text())
+    assert told["per_group"]["click_bell"]["n_episodes"] == 2
+    (metrics,) = [each["metrics"] for each in told["per_task"]]
+    assert metrics["successes"] == [False, False]
+    assert all(0 <= total <= best <= 100 for total, best in zip(metrics["sum_rewards"], metrics["max_rewards"], strict=True))
+    assert len(list(out.rglob("*.mp4"))) == 2
