@@ -5,7 +5,7 @@ templates; how many there must be is said by `Task`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -19,6 +19,7 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Pose, compose, yawed
 from pipeline.registry import Registry
 from pipeline.tasks.language import read_templates
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family, Slide
@@ -82,6 +83,9 @@ class Task(ABC):
 
     `target` is the body that moves on its own until the meeting; `manipulated` the one the arms handle (the same in interception
     tasks). `workspace` bounds the target's path. `arms` names the acting arms for script and language, e.g. {"arm": "left"}.
+    `limits` are the tolerances of the success conditions and `sizes` the sizes of goals, by name, under strict and domino rules; a
+    limit "lift" makes `conditions` ask that the manipulated body was once that much higher than where it began. `own_conditions`
+    names those which domino rules do not ask for, because the original does not.
     `seen` and `unseen` are read from library/phrases/<name>.txt unless the class gives them; there must be `least_seen` and
     `least_unseen` of them.
     """
@@ -92,6 +96,9 @@ class Task(ABC):
     target: ClassVar[str]
     manipulated: ClassVar[str] = ""
     workspace: ClassVar[Workspace] = Workspace(-0.35, 0.35, -0.25, 0.25)
+    limits: ClassVar[Mapping[str, Limit[float]]] = by_name()
+    sizes: ClassVar[Mapping[str, Limit[Any]]] = by_name()
+    own_conditions: ClassVar[tuple[str, ...]] = ("at_rest", "released")
     seen: ClassVar[tuple[str, ...]]
     unseen: ClassVar[tuple[str, ...]]
     least_seen: ClassVar[int] = 50
@@ -122,13 +129,23 @@ class Task(ABC):
         serve data, verification and evaluation.
         """
 
+    def under(self, rules: Rules) -> dict[str, float]:
+        """The limits by name, as the rules have them."""
+        return {name: limit.under(rules) for name, limit in self.limits.items()}
+
     def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        """What the rules ask for: the success conditions and, under strict rules in a tracking task whose target is not the body
-        that is handled, that this body was what touched the target first. A gripper that taps the target and then acts as on a
-        still one has not tracked it.
+        """What the rules ask for: the success conditions, and that the manipulated body was lifted where the task has a "lift".
+
+        Domino rules leave out the conditions that only we ask for. Strict rules add, in a tracking task whose target is not the
+        body that is handled, that this body was what touched the target first: a gripper that taps the target and then acts as on
+        a still one has not tracked it.
         """
         found = self.success(o, arms)
-        if o.rules.name == "strict" and self.category == TRACKING and self.manipulated != self.target:
+        if "lift" in self.limits:
+            found["was_lifted"] = o.highest_rise(self.manipulated) > self.limits["lift"].under(o.rules)
+        if o.rules.name == "domino":
+            return {name: holds for name, holds in found.items() if name not in self.own_conditions}
+        if self.category == TRACKING and self.manipulated != self.target:
             found[f"met_by_{self.manipulated}"] = o.met_by() == self.manipulated
         return found
 

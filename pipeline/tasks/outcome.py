@@ -16,12 +16,16 @@ from pipeline.world.body import Body
 from pipeline.world.objects.contract import NamedFrames
 from pipeline.world.robots.contract import SIDES, Embodiment
 
-OPEN = 0.8
-"""A gripper measured at 80 % of its opening or more counts as open."""
+OPEN, CLOSED = 0.8, 0.2
+"""A gripper at more than 80 % of its opening counts as open, at less than 20 % as closed."""
 
 
 class Outcome:
-    """A state log with the names and frames of its scene. Questions are about its last frame unless they say otherwise."""
+    """A state log with the names and frames of its scene. Questions are about its last frame unless they say otherwise.
+
+    Two answers depend on the rules. Strict rules measure the opening of a gripper and call a body held when both fingers touch it;
+    domino rules take the commanded opening, and one finger is enough, as in the original.
+    """
 
     def __init__(
         self, log: StateLog, bodies: Mapping[str, Body], embodiment: Embodiment, target: str, rules: Rules = STRICT
@@ -97,16 +101,29 @@ class Outcome:
 
     # --- grippers -------------------------------------------------------------------------------------------------------
 
-    def opening(self, side: str) -> float:
-        """Measured normalised opening of a gripper, 0 closed to 1 open."""
-        return float(self.log.state[-1, self.log.vector_names.index(f"{side}_gripper")])
+    def opening(self, side: str, frame: int = -1) -> float:
+        """Measured normalised opening of a gripper at a frame, 0 closed to 1 open."""
+        return float(self.log.state[frame, self.log.vector_names.index(f"{side}_gripper")])
+
+    def commanded(self, side: str, frame: int = -1) -> float:
+        """Normalised opening that was commanded over the interval that ends at a frame."""
+        at = max(0, frame % len(self.log) - 1)
+        return float(self.log.action[at, self.log.vector_names.index(f"{side}_gripper")])
+
+    def _opening(self, side: str, frame: int = -1) -> float:
+        """The opening that the rules look at."""
+        return (self.commanded if self.rules.name == "domino" else self.opening)(side, frame)
 
     def gripper_open(self, side: str) -> bool:
-        """Whether a gripper is measured open."""
-        return self.opening(side) > OPEN
+        """Whether a gripper is open."""
+        return self._opening(side) > OPEN
+
+    def closes(self, side: str) -> bool:
+        """Whether a gripper is commanded to be closed: what it holds decides how far it closes, so the measured one cannot say."""
+        return self.commanded(side) < CLOSED
 
     def grippers_open(self) -> bool:
-        """Whether both grippers are measured open."""
+        """Whether both grippers are open."""
         return all(self.gripper_open(side) for side in SIDES)
 
     # --- the meeting ----------------------------------------------------------------------------------------------------
@@ -138,8 +155,9 @@ class Outcome:
         return len(self.contacts(a, b, last)) > 0
 
     def holds(self, side: str, name: str) -> bool:
-        """Whether both fingers of an arm touch a body now."""
-        return all(self.touching(f, name) for f in self.fingers(side))
+        """Whether both fingers of an arm (one of them under domino rules) touch a body now."""
+        touching = [self.touching(finger, name) for finger in self.fingers(side)]
+        return any(touching) if self.rules.name == "domino" else all(touching)
 
     def handled(self, name: str) -> bool:
         """Whether any link of either arm touches a body now."""
@@ -162,12 +180,20 @@ class Outcome:
         """Whether a finger of an arm ever touched a body."""
         return any(True for _ in self._finger_contacts(side, name))
 
-    def pressed(self, side: str, name: str, point: str, *, plane: float, height: float) -> bool:
-        """Whether a finger of an arm ever touched a body within `plane` m (x and y each) and `height` m of a named frame."""
-        return any(
-            within(row["point"] - self.frame(name, point, int(row["frame"]))[:3], (plane, plane, height))
+    def press(self, side: str, name: str, point: str, limit: Mapping[str, float]) -> dict[str, bool]:
+        """The three conditions of a press: a finger of the arm touched the body; it did so within limit["plane"] m (x and y each)
+        and limit["height"] m of the named frame; the gripper was closed at such a touch."""
+        near = (limit["plane"], limit["plane"], limit["height"])
+        frames = [
+            int(row["frame"])
             for row in self._finger_contacts(side, name)
-        )
+            if within(row["point"] - self.frame(name, point, int(row["frame"]))[:3], near)
+        ]
+        return {
+            "touched": self.touched(side, name),
+            "pressed": bool(frames),
+            "closed_at_press": any(self._opening(side, frame) < CLOSED for frame in frames),
+        }
 
     def swings(self, name: str, angle: float) -> int:
         """How many times a body's z axis swung from more than `angle` rad on one side of its mean tilt axis to the other."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.data.rules import STRICT, Rules
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
 from pipeline.poses import compose, pose, quat_about, yawed
 from pipeline.tasks.outcome import Outcome, failed, within
@@ -21,8 +22,9 @@ BODIES = {
 }
 
 
-def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=()):
-    """An outcome of ten frames at 15 Hz. `can` (10,7) poses; contacts (frame, a, b, point); gripper (left, right) at the end."""
+def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=(), command=None, rules=STRICT):
+    """An outcome of ten frames at 15 Hz. `can` (10,7) poses; contacts (frame, a, b, point); gripper (left, right) at the end;
+    `command` (10,) of the left gripper."""
     poses = np.zeros((FRAMES, len(NAMES), 7))
     poses[..., 3] = 1
     poses[:, 0] = BODIES["can"].pose if can is None else can
@@ -30,6 +32,9 @@ def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=()):
     vector = ROBOT.vector_names
     state = np.zeros((FRAMES, len(vector)))
     state[-1, [vector.index("left_gripper"), vector.index("right_gripper")]] = gripper
+    action = state.copy()
+    if command is not None:
+        action[:, vector.index("left_gripper")] = command
     rows = [(frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point) for frame, a, b, point in contacts]
     log = StateLog(
         times=np.arange(FRAMES) / 15,
@@ -40,13 +45,13 @@ def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=()):
         qvel=np.zeros((FRAMES, 0)),
         vector_names=vector,
         state=state,
-        action=state,
+        action=action,
         tcp=np.zeros((FRAMES, 2, 7)),
         target_velocity=np.zeros((FRAMES, 3)),
         contacts=np.array(rows, CONTACT_DTYPE),
         events=[Event(name, time) for name, time in events],
     )
-    return Outcome(log, BODIES, ROBOT, "can")
+    return Outcome(log, BODIES, ROBOT, "can", rules)
 
 
 def path(*points, turn=None):
@@ -107,6 +112,31 @@ def test_openings_are_the_measured_ones():
     assert not o.grippers_open()
     assert (o.gripper_open("left"), o.gripper_open("right")) == (False, True)
     assert outcome(gripper=(0.81, 0.9)).grippers_open()
+
+
+DOMINO = Rules("domino")
+
+
+def test_domino_rules_look_at_the_commanded_opening():
+    command = [1.0] * 8 + [0.1, 0.9]  # the last entry is for the interval after the last frame
+    assert outcome(gripper=(0.9, 0.9), command=command).gripper_open("left")
+    assert not outcome(gripper=(0.9, 0.9), command=command, rules=DOMINO).gripper_open("left")
+    assert outcome(gripper=(0.1, 0.9), command=command, rules=DOMINO).until(9).gripper_open("left")
+
+
+@pytest.mark.parametrize("rules", [STRICT, DOMINO])
+def test_closing_on_something_is_a_command(rules):
+    o = outcome(gripper=(0.5, 0.5), command=[1.0] * 8 + [0.1, 0.9], rules=rules)
+    assert o.closes("left")
+    assert not o.until(9).closes("left")
+    assert not o.until(1).closes("left")
+
+
+def test_one_finger_holds_under_domino_rules():
+    one = [(9, FINGERS[1], "can", ORIGIN)]
+    assert outcome(contacts=one, rules=DOMINO).holds("left", "can")
+    assert not outcome(contacts=one).holds("left", "can")
+    assert not outcome(rules=DOMINO).holds("left", "can")
 
 
 def test_contacts_are_found_in_either_order_and_in_the_last_frames():
@@ -172,8 +202,9 @@ def test_pressed_measures_from_the_frame_where_the_body_was_then(offset, yes):
     moving = path(*np.linspace((0, 0, 0), (0.2, 0, 0), FRAMES))
     there = outcome(moving).frame("can", "top", 4)[:3] + offset
     o = outcome(moving, contacts=[(4, FINGERS[1], "can", there)])
-    assert o.pressed("left", "can", "top", plane=0.02, height=0.01) is yes
-    assert not o.pressed("right", "can", "top", plane=0.02, height=0.01)
+    limit = {"plane": 0.02, "height": 0.01}
+    assert o.press("left", "can", "top", limit)["pressed"] is yes
+    assert not o.press("right", "can", "top", limit)["pressed"]
     assert o.touched("left", "can")
     assert not o.touched("right", "can")
     assert not o.until(4).touched("left", "can")

@@ -200,7 +200,7 @@ def test_nothing_is_solved_before_it_begins(name):
 def documented(condition, bodies):
     """Whether the page lists the name of a condition, as it is or behind the name of a body."""
     own = next((condition.removeprefix(f"{body}_") for body in bodies if condition.startswith(f"{body}_")), condition)
-    return condition in CONDITIONS or own in CONDITIONS or condition.removeprefix("on_") in {*bodies, "table"}
+    return condition in CONDITIONS or own in CONDITIONS or re.sub("^(on|met_by)_", "", condition) in {*bodies, "table"}
 
 
 def keeps_its_conditions(scene, log):

@@ -9,6 +9,7 @@ from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upr
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -20,14 +21,16 @@ CLEARANCES = (0.05, 0.10, 0.15, 0.22)
 class AdjustBottle(Task):
     """Catch a bottle that lies on its side, its cap towards the middle of the table, and hold it with the cap up.
 
-    Success: held by the acting arm with the cap within 0.26 rad of straight up, 15 cm or more out on the arm's side (as in the
-    original), and its foot 2 cm or more above the table. The original asks for an absolute height of the cap instead, which ignores
-    the length of the bottle and the height of the table, and does not ask for the bottle to be upright or held.
+    Success: held by the acting arm with the cap within 0.26 rad of straight up, the cap 15 cm or more out on the arm's side and
+    16 cm or more above the table (both as in the original), the foot 2 cm or more above the table. The original does not ask for
+    the bottle to be upright, clear of the table or held.
     """
 
     category = INTERCEPTION
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    limits = by_name(out=Limit(0.15), cap=Limit(0.16), tilt=Limit(0.26, unit="rad"), foot=Limit(0.02))
+    own_conditions = ("upright", "above_table", "held")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -53,13 +56,15 @@ class AdjustBottle(Task):
         return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         cap = o.frame("bottle", "cap")
         up = quat_rotate(cap[3:], [0, 0, 1.0])
         foot = cap[:3] - 2 * o.bodies["bottle"].instance.frames()["cap"][0] * up
         out = -cap[0] if arms["arm"] == "left" else cap[0]
         return {
-            "upright": bool(up[2] > np.cos(0.26)),
-            "on_arm_side": bool(out > 0.15),
-            "above_table": bool(foot[2] > TABLE_TOP + 0.02),
+            "upright": bool(up[2] > np.cos(limit["tilt"])),
+            "on_arm_side": bool(out > limit["out"]),
+            "cap_above_table": bool(cap[2] > TABLE_TOP + limit["cap"]),
+            "above_table": bool(foot[2] > TABLE_TOP + limit["foot"]),
             "held": o.holds(arms["arm"], "bottle"),
         }

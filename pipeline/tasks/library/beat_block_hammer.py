@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -14,13 +15,16 @@ from pipeline.world.body import TABLE_TOP, Body
 class BeatBlockHammer(Task):
     """Take the hammer and bring its face down on the top of a block that moves.
 
-    Success: hammer face and block top within 2 cm (plane, per axis: the original's static tolerance, kept at every level) at a
-    frame in which they touch, with the hammer lifted at least 2 cm off the table and held by the acting arm.
+    Success: hammer face and block top within 2 cm (plane, per axis: the original's static tolerance; its dynamic one is 4 cm) at a
+    frame in which they touch, with the hammer at least 2 cm above the table; the hammer held by the acting arm. The original's
+    height of 0.8 m is 1.7 cm above where its hammer's origin lies.
     """
 
     category = TRACKING
     target, manipulated = "block", "hammer"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
+    limits = by_name(plane=Limit(0.02, 0.04), strike_height=Limit(0.02, 0.017), lift=Limit(0.02))
+    own_conditions = ("held",)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(-1.7, -1.4)))
@@ -42,13 +46,12 @@ class BeatBlockHammer(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         hits = [int(frame) for frame in o.contacts("hammer", "block")["frame"]]
-        centred = [frame for frame in hits if self._centred(o, frame)]
+        limit = self.under(o.rules)
+        over = [o.offset(o.frame("hammer", "base", frame), o.frame("block", "top", frame))[:2] for frame in hits]
+        centred = [frame for frame, d in zip(hits, over, strict=True) if within(d, limit["plane"])]
         return {
             "block_struck": bool(hits),
             "strike_centred": bool(centred),
-            "lifted_at_strike": any(bool(o.pose("hammer", frame)[2] > TABLE_TOP + 0.02) for frame in centred),
+            "lifted_at_strike": any(bool(o.pose("hammer", frame)[2] > TABLE_TOP + limit["strike_height"]) for frame in centred),
             "held": o.holds(arms["arm"], "hammer"),
         }
-
-    def _centred(self, o: Outcome, frame: int) -> bool:
-        return within(o.offset(o.frame("hammer", "base", frame), o.frame("block", "top", frame))[:2], 0.02)

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import close, lift, press
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
@@ -14,14 +15,15 @@ from pipeline.world.body import Body
 class ClickBell(Task):
     """Press the button of a moving bell with the closed fingers of the arm beside it.
 
-    Success: a finger of the acting arm touched the bell within 2.0 cm (plane, per axis) and 2.4 cm (height) of its button: the
-    tighter of the original's two tolerances, at every level. The original moves the body's origin to the contact point, which
-    shifts the button; here the motion is the body's and the button rides on it.
+    Success: a finger of the acting arm touched the bell within 2.0 cm (plane, per axis) and 2.4 cm (height) of its button with
+    the gripper closed: the tighter of the original's two tolerances, at every level. The original moves the body's origin to the
+    contact point, which shifts the button; here the motion is the body's and the button rides on it.
     """
 
     category = TRACKING
     target = "bell"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    limits = by_name(plane=Limit(0.02), height=Limit(0.024))
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)
@@ -38,7 +40,4 @@ class ClickBell(Task):
         yield lift(a.arms["arm"], 0.06)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        return {
-            "touched": o.touched(arms["arm"], "bell"),
-            "pressed": o.pressed(arms["arm"], "bell", "button", plane=0.020, height=0.024),
-        }
+        return o.press(arms["arm"], "bell", "button", self.under(o.rules))

@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import carry, grasp, home, lift, open_, place, resting_poses, retreat, together, upright_goal
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -17,13 +18,15 @@ QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
 class HandoverBlock(Task):
     """Catch a long block with the left arm, hand it over to the right arm, which stands it on the blue pad.
 
-    Success: base of the block within 3 cm (plane, per axis) and 1 cm (height) of the pad's centre, resting on it upright, the
-    placing gripper measured open.
+    Success: base of the block within 3 cm (plane, per axis) and 1 cm (height) of the pad's centre, resting on it upright after
+    having been lifted 3 cm, the placing gripper measured open. The original asks neither for rest nor for an upright block.
     """
 
     category = INTERCEPTION
     step_limit = 800
     target = "block"
+    limits = by_name(plane=Limit(0.03), height=Limit(0.01), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
+    own_conditions = ("upright", "on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.05, 0.15)), fixed=True)
@@ -56,11 +59,12 @@ class HandoverBlock(Task):
         )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("block", "base"), o.frame("pad", "centre"))
         return {
-            "centred": within(d[:2], 0.03),
-            "at_height": within(d[2], 0.01),
-            "upright": o.upright("block"),
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "upright": o.upright("block", limit["tilt"]),
             **o.resting("block", "pad"),
             "gripper_open": o.gripper_open(arms["receiver"]),
         }

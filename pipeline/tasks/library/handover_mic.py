@@ -8,23 +8,25 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import carry, grasp, lift, open_, retreat
 from pipeline.poses import yawed
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
-
-RECEIVED = 0.06
 
 
 @register
 class HandoverMic(Task):
     """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other arm.
 
-    Success: the receiving gripper holds it with both fingers, the giving one is measured open and does not touch it, and the
-    microphone is 6 cm or more above where it lay (the original's 0.92 m is an absolute height).
+    Success: the receiving gripper, commanded to be closed, holds it with both fingers, the giving one is measured open and does not
+    touch it, and the head of the microphone is on the receiver's side of the table, 18 cm or more above it (as in the original),
+    after having been lifted 3 cm.
     """
 
     category = INTERCEPTION
     step_limit = 600
     target = "microphone"
+    limits = by_name(head=Limit(0.18), lift=Limit(0.03))
+    own_conditions = ("released_by_giver", "held")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.18)
@@ -52,7 +54,7 @@ class HandoverMic(Task):
         return np.stack(
             [
                 yawed((x, y, TABLE_TOP + z), ahead + turn)
-                for z in (0.20, 0.15, 0.10)
+                for z in (0.20, 0.22, 0.25)
                 for y in (-0.10, -0.05, -0.15)
                 for x in (0.0, -0.04, 0.04)
                 for turn in (0.0, 0.4, -0.4, 0.8, -0.8)
@@ -60,10 +62,13 @@ class HandoverMic(Task):
         )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        giver = arms["giver"]
+        giver, head = arms["giver"], o.frame("microphone", "head")
         return {
             "gripper_open": o.gripper_open(giver),
             "released_by_giver": not any(o.touching(finger, "microphone") for finger in o.fingers(giver)),
             "held": o.holds(arms["receiver"], "microphone"),
-            "lifted": o.rise("microphone") > RECEIVED,
+            "in_hand": o.handled("microphone"),
+            "gripper_closed": o.closes(arms["receiver"]),
+            "on_receiver_side": bool(head[0] < 0 if arms["receiver"] == "left" else head[0] > 0),
+            "above_table": bool(head[2] > TABLE_TOP + self.under(o.rules)["head"]),
         }

@@ -8,7 +8,8 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, upright_goal
 from pipeline.poses import frame, inverse, quat_rotate, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
 MIDDLE = (0.03, -0.15, TABLE_TOP)
@@ -23,14 +24,17 @@ class HangingMug(Task):
     """Catch a moving mug with the left arm and set it down in the middle; the right arm hangs it on the peg of the rack.
 
     Success: the peg passes through the hole of the mug's handle (its axis within 3 cm of the middle of the hole, the hole between
-    root and tip), the mug on the rack (it may still swing), 5 cm or more above the table, no arm at it, the right gripper measured
-    open. The original tests a distance from a point beside the peg (2 cm, 5 cm in its dynamic version), which a mug behind the peg
-    passes. The rack is fixed to the table and stands up to 7 cm nearer than the original's.
+    root and tip), the mug on the rack (it may still swing) and off the table, no arm at it, the right gripper measured open, after
+    having been lifted 3 cm. As in the original's dynamic version the hole is also within 5 cm (plane, per axis; 2 cm in its static
+    one) of the point midway between the rack's foot and the peg's tip, and 9 cm above the table (12 cm); a mug behind the peg
+    passes these two. The rack is fixed to the table and stands up to 7 cm nearer than the original's.
     """
 
     category = INTERCEPTION
     step_limit = 900
     target = "mug"
+    limits = by_name(axis=Limit(0.03), peg=Limit(0.05), hole=Limit(0.09), lift=Limit(0.03))
+    own_conditions = ("on_peg_axis", "between_root_and_tip", "off_table", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("rack", draw.one_of("rack"), Region(x=(0.10, 0.25), y=(0.08, 0.14), yaw=(-0.2, 0.2)), fixed=True)
@@ -76,12 +80,15 @@ class HangingMug(Task):
         return np.stack(goals)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        local = transform(inverse(o.frame("rack", "peg")), o.frame("mug", "handle_hole")[:3])
-        root = transform(inverse(o.frame("rack", "peg")), o.frame("rack", "peg_middle")[:3])[2] * 2
+        limit, hole, tip = self.under(o.rules), o.frame("mug", "handle_hole"), o.frame("rack", "peg")
+        local = transform(inverse(tip), hole[:3])
+        beside = hole[:2] - (o.pose("rack")[:2] + tip[:2]) / 2
+        root = transform(inverse(tip), o.frame("rack", "peg_middle")[:3])[2] * 2
         return {
-            "on_peg_axis": bool(np.hypot(local[0], local[1]) < 0.03),
+            "on_peg_axis": bool(np.hypot(local[0], local[1]) < limit["axis"]),
             "between_root_and_tip": bool(root < local[2] < 0.0),
-            "above_table": bool(o.pose("mug")[2] > TABLE_TOP + 0.05),
+            "near_peg": within(beside, limit["peg"]),
+            "above_table": bool(hole[2] > TABLE_TOP + limit["hole"]),
             "off_table": not o.touching("mug", "table"),
             "on_rack": o.touching("mug", "rack"),
             "released": not o.handled("mug"),

@@ -9,6 +9,7 @@ from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_pos
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -17,13 +18,16 @@ from pipeline.world.body import TABLE_TOP, Body
 class MoveCanPot(Task):
     """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm that caught it.
 
-    Success: can upright on the table on that side of the pot, less than 20 cm from its middle in x and 3.5 cm in y (as in the
-    original), after having been lifted 2 cm, at rest, both grippers measured open.
+    Success: can upright on the table on that side of the pot, less than 20 cm from its middle in x and 3.5 cm in y, its
+    base no more than 1 mm above the pot's at the start (all as in the original), after having been lifted 3 cm, at rest, both
+    grippers measured open. The original bounds roll and pitch by 15 degrees each; this bounds the tilt.
     """
 
     category = INTERCEPTION
     target = "can"
     workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
+    limits = by_name(far=Limit(0.20), across=Limit(0.035), tilt=Limit(0.26, 0.2618, "rad"), height=Limit(0.001), lift=Limit(0.03))
+    own_conditions = ("on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("pot", draw.one_of("pot"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)))
@@ -50,13 +54,14 @@ class MoveCanPot(Task):
         return upright_goal((x + (-0.18 if a.arms["arm"] == "left" else 0.18), y, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         dx, dy, _ = o.offset(o.pose("can"), o.pose("pot"))
         return {
             "on_arm_side": bool(dx < 0 if arms["arm"] == "left" else dx > 0),
-            "at_distance": within(dx, 0.20),
-            "in_line": within(dy, 0.035),
-            "was_lifted": o.highest_rise("can") > 0.02,
-            "upright": o.upright("can"),
+            "at_distance": within(dx, limit["far"]),
+            "in_line": within(dy, limit["across"]),
+            "upright": o.upright("can", limit["tilt"]),
+            "at_height": bool(o.pose("can")[2] - o.pose("pot", 0)[2] < limit["height"]),
             **o.resting("can", "table"),
             "grippers_open": o.grippers_open(),
         }

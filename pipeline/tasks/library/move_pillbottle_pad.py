@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -20,12 +21,15 @@ class MovePillbottlePad(Task):
 
     category = TRACKING
     target, manipulated = "pad", "bottle"
+    limits = by_name(plane=Limit(0.03, 0.05), height=Limit(0.005, 0.015), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
+    sizes = by_name(pad=Limit((0.04, 0.04), (0.05, 0.05)))
+    own_conditions = ("upright", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         bottle = Region(x=(side * 0.05, side * 0.25), y=(-0.10, 0.10), yaw=(-3.14, 3.14))
         yield Placement("bottle", draw.one_of("pill_bottle"), bottle)
-        pad = draw.one_of("pad", half=(0.04, 0.04), thickness=0.004)
+        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.10)), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -38,11 +42,12 @@ class MovePillbottlePad(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("bottle", "base"), o.frame("pad", "centre"))
         return {
-            "centred": within(d[:2], 0.03),
-            "at_height": within(d[2], 0.005),
-            "upright": o.upright("bottle"),
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "upright": o.upright("bottle", limit["tilt"]),
             **o.resting("bottle", "pad"),
             "grippers_open": o.grippers_open(),
         }

@@ -7,6 +7,7 @@ from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_pos
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -17,11 +18,14 @@ class MovePlayingcardAway(Task):
 
     Success: deck more than 23 cm out on the acting arm's side (as in the original, which does not ask which side), flat and at
     rest on the table after having been lifted 2 cm, both grippers measured open. Without the lift a deck could get there by itself.
+    In data generation the original also asks for 25 cm from the place of the interception, which its script covers in one go.
     """
 
     category = INTERCEPTION
     target = "cards"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    limits = by_name(out=Limit(0.23), tilt=Limit(0.26, unit="rad"), lift=Limit(0.02))
+    own_conditions = ("on_arm_side", "upright", "on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.10, 0.10), y=(-0.20, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.05)
@@ -46,11 +50,12 @@ class MovePlayingcardAway(Task):
         return upright_goal((-0.27 if a.arms["arm"] == "left" else 0.27, -0.08, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x = o.pose("cards")[0]
         return {
-            "on_arm_side": bool((-x if arms["arm"] == "left" else x) > 0.23),
-            "was_lifted": o.highest_rise("cards") > 0.02,
-            "upright": o.upright("cards"),
+            "far_out": bool(abs(x) > limit["out"]),
+            "on_arm_side": bool(x < 0 if arms["arm"] == "left" else x > 0),
+            "upright": o.upright("cards", limit["tilt"]),
             **o.resting("cards", "table"),
             "grippers_open": o.grippers_open(),
         }

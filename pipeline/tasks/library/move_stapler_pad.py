@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -24,12 +25,15 @@ class MoveStaplerPad(Task):
 
     category = TRACKING
     target, manipulated = "pad", "stapler"
+    limits = by_name(plane=Limit(0.02, 0.025), height=Limit(0.01, 0.015), angle=Limit(0.06, unit="rad"), lift=Limit(0.03))
+    sizes = by_name(pad=Limit((0.055, 0.03), (0.065, 0.035)))
+    own_conditions = ("on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         stapler = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         yield Placement("stapler", draw.one_of("stapler"), stapler)
-        pad = draw.one_of("pad", half=(0.055, 0.03), thickness=0.004)
+        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -42,12 +46,13 @@ class MoveStaplerPad(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         base, centre = o.frame("stapler", "base"), o.frame("pad", "centre")
         d = o.offset(base, centre)
         return {
-            "centred": within(d[:2], 0.02),
-            "at_height": within(d[2], 0.01),
-            "aligned": o.orientation_error(base, centre, turns=2) < 0.06,
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "aligned": o.orientation_error(base, centre, turns=2) < limit["angle"],
             **o.resting("stapler", "pad"),
             "grippers_open": o.grippers_open(),
         }

@@ -8,6 +8,7 @@ from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_pos
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES
@@ -26,6 +27,8 @@ class PlaceBeside(Task):
     target = "a"
     workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
     direction: ClassVar[int]
+    limits = by_name(near=Limit(0.08), far=Limit(0.20), across=Limit(0.05), lift=Limit(0.03))
+    own_conditions = ("on_table", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -58,12 +61,12 @@ class PlaceBeside(Task):
         return upright_goal((x + self.direction * DISTANCE, y, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         dx, dy, _ = o.offset(o.pose("a"), o.pose("b"))
         return {
             "on_correct_side": bool(self.direction * dx > 0),
-            "at_distance": bool(0.08 < (dx**2 + dy**2) ** 0.5 < 0.20),
-            "in_line": within(dy, 0.05),
-            "was_lifted": o.highest_rise("a") > 0.02,
+            "at_distance": bool(limit["near"] < (dx**2 + dy**2) ** 0.5 < limit["far"]),
+            "in_line": within(dy, limit["across"]),
             **o.resting("a", "table"),
             "grippers_open": o.grippers_open(),
         }

@@ -7,6 +7,7 @@ from pipeline.expert.scripts import set_down_on
 from pipeline.expert.skills import ROUND, lift, open_
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -23,6 +24,7 @@ class PlaceBreadBasket(Task):
     step_limit = 700
     target, manipulated = "basket", "bread"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
+    limits = by_name(plane=Limit(0.05), lift=Limit(0.03))
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -43,9 +45,10 @@ class PlaceBreadBasket(Task):
         yield open_(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("bread", "base"), o.frame("basket", "inside"))
         return {
-            "centred": within(d[:2], 0.05),
+            "centred": within(d[:2], limit["plane"]),
             "off_table": not o.touching("bread", "table"),
             **o.resting("bread", "basket"),
             "grippers_open": o.grippers_open(),

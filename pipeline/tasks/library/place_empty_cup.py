@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -21,6 +22,8 @@ class PlaceEmptyCup(Task):
     category = TRACKING
     step_limit = 500
     target, manipulated = "coaster", "cup"
+    limits = by_name(plane=Limit(0.035), height=Limit(0.015), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
+    own_conditions = ("upright", "on_coaster", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -37,11 +40,12 @@ class PlaceEmptyCup(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x, y, z = o.offset(o.frame("cup", "base"), o.frame("coaster", "centre"))
         return {
-            "centred": bool(x * x + y * y < 0.035**2),
-            "at_height": within(z, 0.015),
-            "upright": o.upright("cup"),
+            "centred": bool(x * x + y * y < limit["plane"] ** 2),
+            "at_height": within(z, limit["height"]),
+            "upright": o.upright("cup", limit["tilt"]),
             **o.resting("cup", "coaster"),
             "grippers_open": o.grippers_open(),
         }

@@ -7,6 +7,7 @@ from pipeline.expert.grasping import lifted
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, place, resting_poses
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -23,11 +24,14 @@ class PlaceFan(Task):
 
     category = TRACKING
     target, manipulated = "pad", "fan"
+    limits = by_name(plane=Limit(0.04), height=Limit(0.04), angle=Limit(0.14, 0.1415, "rad"), lift=Limit(0.03))
+    sizes = by_name(pad=Limit((0.05, 0.05), (0.07, 0.07)))
+    own_conditions = ("on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         yield Placement("fan", draw.one_of("fan"), Region(x=(side * 0.03, side * 0.10), y=(-0.15, -0.05), yaw=(-1.2, 1.2)))
-        pad = draw.one_of("pad", half=(0.05, 0.05), thickness=0.004)
+        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.15, side * 0.25), y=(-0.20, 0.0)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -44,12 +48,13 @@ class PlaceFan(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         base, centre = o.frame("fan", "base"), o.frame("pad", "centre")
         d = o.offset(base, centre)
         return {
-            "centred": within(d[:2], 0.04),
-            "at_height": within(d[2], 0.04),
-            "aligned": o.orientation_error(base, centre) < 0.14,
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "aligned": o.orientation_error(base, centre) < limit["angle"],
             **o.resting("fan", "pad"),
             "grippers_open": o.grippers_open(),
         }

@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -24,12 +25,15 @@ class PlaceMousePad(Task):
 
     category = TRACKING
     target, manipulated = "pad", "mouse"
+    limits = by_name(along_x=Limit(0.015, 0.023), along_y=Limit(0.012, 0.020), angle=Limit(0.3, 0.365, "rad"), lift=Limit(0.03))
+    sizes = by_name(pad=Limit((0.035, 0.065), (0.043, 0.073)))
+    own_conditions = ("on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         mouse = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
         yield Placement("mouse", draw.one_of("mouse"), mouse)
-        pad = draw.one_of("pad", half=(0.035, 0.065), thickness=0.004)
+        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -42,10 +46,11 @@ class PlaceMousePad(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         base, centre = o.frame("mouse", "base"), o.frame("pad", "centre")
         return {
-            "centred": within(o.offset(base, centre)[:2], (0.015, 0.012)),
-            "aligned": o.orientation_error(base, centre, turns=2) < 0.3,
+            "centred": within(o.offset(base, centre)[:2], (limit["along_x"], limit["along_y"])),
+            "aligned": o.orientation_error(base, centre, turns=2) < limit["angle"],
             **o.resting("mouse", "pad"),
             "grippers_open": o.grippers_open(),
         }

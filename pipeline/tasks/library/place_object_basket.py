@@ -9,6 +9,7 @@ from pipeline.expert.grasping import lifted
 from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, together
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
@@ -21,14 +22,16 @@ class PlaceObjectBasket(Task):
     """Catch a moving deck of cards or toy car, put it in the basket, and lift the basket by its handle with the other arm.
 
     Success: object and basket 2 cm or more above where they stood, the object touching the basket and not the table, within 10 cm
-    (plane) of it, the basket within 60 degrees of upright and held by the lifting arm. The original's L1 distance of 15 cm, meant
-    as a norm, is implied.
+    (plane) of it and 15 cm as the sum over the axes, the basket within 60 degrees of upright: all as in the original's dynamic
+    version, which does not ask that the lifting arm holds the basket.
     """
 
     category = INTERCEPTION
     step_limit = 700
     target = "object"
     workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
+    limits = by_name(rise=Limit(0.02), tilt=Limit(1.047, unit="rad"), plane=Limit(0.10), sum=Limit(0.15), lift=Limit(0.03))
+    own_conditions = ("basket_held",)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -61,12 +64,14 @@ class PlaceObjectBasket(Task):
         return tuple(turn + half + off for off in (0.0, 0.2, -0.2, 0.4, -0.4) for half in (0.0, np.pi))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        x, y, _ = o.offset(o.pose("object"), o.pose("basket"))
+        limit = self.under(o.rules)
+        x, y, z = o.offset(o.pose("object"), o.pose("basket"))
         return {
-            "basket_lifted": o.rise("basket") > 0.02,
-            "lifted": o.rise("object") > 0.02,
-            "basket_upright": o.upright("basket", 1.05),
-            "centred": bool(x * x + y * y < 0.10**2),
+            "basket_lifted": o.rise("basket") > limit["rise"],
+            "lifted": o.rise("object") > limit["rise"],
+            "basket_upright": o.upright("basket", limit["tilt"]),
+            "centred": bool(x * x + y * y < limit["plane"] ** 2),
+            "at_distance": bool(abs(x) + abs(y) + abs(z) < limit["sum"]),
             "on_basket": o.touching("object", "basket"),
             "off_table": not o.touching("object", "table"),
             "basket_held": o.holds(arms["lifter"], "basket"),

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
@@ -21,6 +22,8 @@ class PlaceObjectScale(Task):
 
     category = TRACKING
     target, manipulated = "scale", "object"
+    limits = by_name(plane=Limit(0.035), below=Limit(0.01), lift=Limit(0.03))
+    own_conditions = ("on_scale", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -38,10 +41,11 @@ class PlaceObjectScale(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x, y, z = o.offset(o.frame("object", "base"), o.frame("scale", "centre"))
         return {
-            "centred": bool(x * x + y * y < 0.035**2),
-            "at_height": bool(z > -0.01),
+            "centred": bool(x * x + y * y < limit["plane"] ** 2),
+            "at_height": bool(z > -limit["below"]),
             **o.resting("object", "scale"),
             "gripper_open": o.gripper_open(arms["arm"]),
         }

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -20,6 +21,8 @@ class PlaceObjectStand(Task):
 
     category = TRACKING
     target, manipulated = "stand", "object"
+    limits = by_name(plane=Limit(0.03), height=Limit(0.015), lift=Limit(0.03))
+    own_conditions = ("at_height", "on_stand", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -37,10 +40,11 @@ class PlaceObjectStand(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("object", "base"), o.frame("stand", "top"))
         return {
-            "centred": within(d[:2], 0.03),
-            "at_height": within(d[2], 0.015),
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
             **o.resting("object", "stand"),
             "grippers_open": o.grippers_open(),
         }

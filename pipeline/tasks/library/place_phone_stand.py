@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -20,6 +21,8 @@ class PlacePhoneStand(Task):
 
     category = TRACKING
     target, manipulated = "stand", "phone"
+    limits = by_name(along_x=Limit(0.045), along_y=Limit(0.04), height=Limit(0.04), tilt=Limit(0.6, unit="rad"))
+    own_conditions = ("tilted", "on_stand", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -36,11 +39,12 @@ class PlacePhoneStand(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("phone", "foot"), o.frame("stand", "seat"))
         return {
-            "centred": within(d[:2], (0.045, 0.04)),
-            "at_height": within(d[2], 0.04),
-            "tilted": not o.upright("phone", 0.6),
+            "centred": within(d[:2], (limit["along_x"], limit["along_y"])),
+            "at_height": within(d[2], limit["height"]),
+            "tilted": not o.upright("phone", limit["tilt"]),
             **o.resting("phone", "stand"),
             "grippers_open": o.grippers_open(),
         }

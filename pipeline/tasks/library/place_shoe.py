@@ -8,6 +8,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.poses import compose, inverse, yawed
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -28,10 +29,24 @@ class PlaceShoe(Task):
     category = TRACKING
     step_limit = 500
     target, manipulated = "mat", "shoe"
+    limits = by_name(
+        along=Limit(0.05, 0.08),
+        across=Limit(0.02, 0.04),
+        height=Limit(0.015),
+        angle=Limit(0.14, 0.2988, "rad"),
+        tilt=Limit(0.26, 0.2988, "rad"),
+        lift=Limit(0.03),
+    )
+    sizes = by_name(mat=Limit(None, (0.16, 0.07)))
+    own_conditions = ("at_height", "on_mat", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("mat", draw.one_of("mat"), Region(x=(side * -0.02, side * 0.12), y=(-0.15, -0.05)))
+        yield Placement(
+            "mat",
+            draw.one_of("mat", half=self.sizes["mat"].under(draw.rules)),
+            Region(x=(side * -0.02, side * 0.12), y=(-0.15, -0.05)),
+        )
         shoe = Region(x=(side * 0.05, side * 0.25), y=(-0.10, 0.05), yaw=(np.pi - 0.95 - side * 0.35, np.pi + 0.95 - side * 0.35))
         yield Placement("shoe", draw.one_of("shoe"), shoe)
 
@@ -45,12 +60,13 @@ class PlaceShoe(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x, y, z, w, _, _, s = compose(inverse(compose(o.frame("mat", "centre"), TO_THE_LEFT)), o.frame("shoe", "base"))
         return {
-            "centred": within((x, y), (0.05, 0.02)),
-            "at_height": within(z, 0.015),
-            "aligned": within(2 * np.arctan2(s * np.sign(w), abs(w)), 0.14),
-            "upright": o.upright("shoe"),
+            "centred": within((x, y), (limit["along"], limit["across"])),
+            "at_height": within(z, limit["height"]),
+            "aligned": within(2 * np.arctan2(s * np.sign(w), abs(w)), limit["angle"]),
+            "upright": o.upright("shoe", limit["tilt"]),
             **o.resting("shoe", "mat"),
             "grippers_open": o.grippers_open(),
         }

@@ -8,7 +8,8 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, grasp, home, lift, open_, place, retreat, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
 MIDDLE = (-0.02, -0.10, TABLE_TOP)
@@ -20,7 +21,9 @@ class PutBottlesDustbin(Task):
     """Catch a moving bottle and drop it into the dustbin beside the table, with the left arm: a bottle on the right is caught by
     the right arm and set down in the middle for the left one.
 
-    Success: the bottle below the rim and within the outline of the dustbin. The table is not shifted: the bin stands on the floor
+    Success: the bottle below the rim and within the outline of the dustbin, no arm at it, after having been lifted 3 cm. The
+    original asks for a box of 44 x 65 cm around the bin's middle and for 0.2 to 0.7 m, which is 7 to 57 cm above the floor of its
+    bin; ours has its floor at 1 cm, so that only the upper end is kept. The table is not shifted: the bin stands on the floor
     at its left edge, which all robots reach. One bottle, as in the original's dynamic version; where the original hands a bottle
     from hand to hand in the air, this one changes hands on the table.
     """
@@ -28,6 +31,8 @@ class PutBottlesDustbin(Task):
     category = INTERCEPTION
     step_limit = 1700
     target = "bottle"
+    limits = by_name(outline_x=Limit(0.221), outline_y=Limit(0.325), depth=Limit(0.57), lift=Limit(0.03))
+    own_conditions = ("within_outline", "below_rim", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("dustbin", draw.one_of("dustbin"), Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0), fixed=True)
@@ -73,10 +78,13 @@ class PutBottlesDustbin(Task):
         )
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x, y, z = transform(inverse(o.pose("dustbin")), o.pose("bottle")[:3])
         rim = o.bodies["dustbin"].instance.shape().aabb()[1]
         return {
             "within_outline": bool(np.hypot(x, y) < rim[0]),
-            "at_height": bool(0 <= z < rim[2]),
+            "in_bin": within((x, y), (limit["outline_x"], limit["outline_y"])),
+            "below_rim": bool(z < rim[2]),
+            "at_height": bool(0 <= z < limit["depth"]),
             "released": not o.handled("bottle"),
         }

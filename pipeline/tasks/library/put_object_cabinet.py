@@ -10,6 +10,7 @@ from pipeline.expert.skills import grasp, home, lift, open_, place, resting_pose
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, inverse, pose, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 from pipeline.world.objects.families.cabinet import Cabinet, Drawer
@@ -25,14 +26,25 @@ class PutObjectCabinet(Task):
     """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the other arm, put the object in.
 
     Success: the drawer 5 cm or more open, the object inside it (within its walls, between its floor and 4 cm above its rim),
-    touching it and not the table, the object's gripper measured open. The drawer's own frame is the measure, where the original
-    takes a point of the cabinet with 5 cm (12 x 7 cm in its dynamic version) around it.
+    touching it and not the table, the object's gripper measured open, after a lift of 3 cm. As in the original's dynamic version
+    the object is also within 12 x 7 cm of a point, here the middle of what is open of the drawer, and between 0.5 and 18 cm above
+    where it lay; its static version allows 5 cm and 0.7 to 12 cm.
     """
 
     category = INTERCEPTION
     step_limit = 700
     target = "object"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.03)
+    limits = by_name(
+        opening=Limit(0.05),
+        along_x=Limit(0.12),
+        along_y=Limit(0.07),
+        over_rim=Limit(0.04),
+        least_rise=Limit(0.005),
+        most_rise=Limit(0.18),
+        lift=Limit(0.03),
+    )
+    own_conditions = ("drawer_open", "within_outline", "at_height", "on_drawer", "off_table", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         cabinet = draw.one_of("cabinet")
@@ -84,13 +96,17 @@ class PutObjectCabinet(Task):
         return tuple(turn + half + off for off in (0.0, 0.25, -0.25, 0.5, -0.5) for half in (0.0, np.pi))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         drawer = o.bodies["drawer"].instance
         assert isinstance(drawer, Drawer)
         x, y, z = transform(inverse(o.pose("drawer")), o.pose("object")[:3])
+        opening = float(np.linalg.norm(o.pose("drawer")[:3] - o.pose("drawer", 0)[:3]))
         return {
-            "drawer_open": float(np.linalg.norm(o.pose("drawer")[:3] - o.pose("drawer", 0)[:3])) > 0.05,
+            "drawer_open": opening > limit["opening"],
+            "centred": within((x, y + drawer.hy - opening / 2), (limit["along_x"], limit["along_y"])),
+            "raised": limit["least_rise"] < o.rise("object") < limit["most_rise"],
             "within_outline": within((x, y), (drawer.hx, drawer.hy)),
-            "at_height": bool(0 < z < drawer.height + 0.04),
+            "at_height": bool(0 < z < drawer.height + limit["over_rim"]),
             "on_drawer": o.touching("object", "drawer"),
             "off_table": not o.touching("object", "table"),
             "released": not o.handled("object"),

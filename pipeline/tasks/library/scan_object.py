@@ -9,6 +9,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, grasp, lift, upright_goal
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -21,12 +22,15 @@ class ScanObject(Task):
     """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan the box in the air.
 
     Success: the middle of the box lies within 2.5 cm (per axis) of the ray out of the scanner's window and less than 7 cm in front
-    of it (the original's tolerances), both things held by their arms and 5 cm or more above where they stood.
+    of it (the original's tolerances), both grippers commanded to be closed, both things held by their arms and 5 cm or more above
+    where they stood.
     """
 
     category = INTERCEPTION
     step_limit = 500
     target = "box"
+    limits = by_name(plane=Limit(0.025), far=Limit(0.07), rise=Limit(0.05), lift=Limit(0.03))
+    own_conditions = ("held", "scanner_held", "lifted", "scanner_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
@@ -79,12 +83,14 @@ class ScanObject(Task):
         return transform(box, bodies["box"].instance.frames()["top"][:3] / 2)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         x, y, z = transform(inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies)))
         return {
-            "on_ray": within((x, y), 0.025),
-            "at_distance": bool(0 < z < 0.07),
+            "on_ray": within((x, y), limit["plane"]),
+            "at_distance": bool(0 < z < limit["far"]),
+            "grippers_closed": all(o.closes(side) for side in arms.values()),
             "held": o.holds(arms["arm"], "box"),
             "scanner_held": o.holds(arms["scan_arm"], "scanner"),
-            "lifted": o.rise("box") > 0.05,
-            "scanner_lifted": o.rise("scanner") > 0.05,
+            "lifted": o.rise("box") > limit["rise"],
+            "scanner_lifted": o.rise("scanner") > limit["rise"],
         }

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, shake
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 
@@ -22,6 +23,8 @@ class ShakeBottle(Task):
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    limits = by_name(rise=Limit(0.05, 0.015), tilt=Limit(0.35, unit="rad"), swing=Limit(0.4, unit="rad"), times=Limit(4, unit=""))
+    own_conditions = ("held", "upright", "shaken")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.03)
@@ -39,9 +42,10 @@ class ShakeBottle(Task):
         yield shake(arm, times=6)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         return {
             "held": o.holds(arms["arm"], "bottle"),
-            "lifted": o.rise("bottle") > 0.05,
-            "upright": o.upright("bottle", 0.35),
-            "shaken": o.swings("bottle", 0.4) >= 4,
+            "lifted": o.rise("bottle") > limit["rise"],
+            "upright": o.upright("bottle", limit["tilt"]),
+            "shaken": o.swings("bottle", limit["swing"]) >= limit["times"],
         }

@@ -9,6 +9,7 @@ from pipeline.expert.skills import grasp, lift, rock
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
@@ -25,6 +26,8 @@ class ShakeBottleHorizontally(Task):
     step_limit = 700
     target = "bottle"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
+    limits = by_name(rise=Limit(0.05, 0.015), tilt=Limit(0.35, unit="rad"), swing=Limit(0.3, unit="rad"), times=Limit(4, unit=""))
+    own_conditions = ("held", "level", "shaken")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.20, 0.20), y=(-0.15, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.03)
@@ -56,9 +59,10 @@ class ShakeBottleHorizontally(Task):
         return np.array(poses), np.array(axes)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         return {
             "held": o.holds(arms["arm"], "bottle"),
-            "lifted": o.rise("bottle") > 0.05,
-            "level": within(quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])[2], np.sin(0.35)),
-            "shaken": o.rocks("bottle", 0.3) >= 4,
+            "lifted": o.rise("bottle") > limit["rise"],
+            "level": within(quat_rotate(o.pose("bottle")[3:], [0, 0, 1.0])[2], np.sin(limit["tilt"])),
+            "shaken": o.rocks("bottle", limit["swing"]) >= limit["times"],
         }

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
+from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
@@ -14,19 +15,24 @@ from pipeline.world.body import Body
 class StampSeal(Task):
     """Grasp a stamp by its handle and press it upright onto the middle of a small pad that moves.
 
-    Success: face of the stamp within 1 cm (per axis) of the pad's centre and 1 cm (height), upright, resting on it, both grippers
-    measured open: the original's static tolerance and pad (7 cm), where its dynamic version allows 3.5 cm and 54 degrees on a 9 cm
-    pad. Both stand on the same side, as in its static version, so that one arm reaches both.
+    Success: face of the stamp within 1 cm (per axis) of the pad's centre and 1 cm (height), upright, resting on it after having
+    been lifted 3 cm, both grippers measured open: the original's static tolerance and pad (7 cm), where its dynamic version allows
+    a distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees count the turn about the vertical too, which makes no
+    difference to a stamp; here they are the tilt. Both stand on the same side, as in its static version, so that one arm reaches
+    both.
     """
 
     category = TRACKING
     target, manipulated = "pad", "stamp"
+    limits = by_name(plane=Limit(0.01), height=Limit(0.01), distance=Limit(0.035), tilt=Limit(0.26, 0.942, "rad"), lift=Limit(0.03))
+    sizes = by_name(pad=Limit((0.035, 0.035), (0.045, 0.045)))
+    own_conditions = ("centred", "at_height", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         stamp = Region(x=(side * 0.05, side * 0.25), y=(-0.05, 0.05), yaw=(-3.14, 3.14))
         yield Placement("stamp", draw.one_of("seal"), stamp)
-        pad = draw.one_of("pad", half=(0.035, 0.035), thickness=0.004)
+        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.15, 0.10)), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -39,11 +45,13 @@ class StampSeal(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
         d = o.offset(o.frame("stamp", "base"), o.frame("pad", "centre"))
         return {
-            "centred": within(d[:2], 0.01),
-            "at_height": within(d[2], 0.01),
-            "upright": o.upright("stamp"),
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "at_distance": bool(d @ d < limit["distance"] ** 2),
+            "upright": o.upright("stamp", limit["tilt"]),
             **o.resting("stamp", "pad"),
             "grippers_open": o.grippers_open(),
         }
