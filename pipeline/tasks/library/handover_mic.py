@@ -12,6 +12,9 @@ from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 
+HELD_UP = 0.195
+"""Height over the table (m) of the head at the end."""
+
 
 @register
 class HandoverMic(Task):
@@ -47,6 +50,9 @@ class HandoverMic(Task):
         yield grasp(receiver, "microphone", kinds=("neck",), pitch=0.6)
         yield open_(giver)
         yield retreat(giver, 0.10)
+        missing = TABLE_TOP + HELD_UP - a.frame("microphone", "head")[2]
+        if missing > 0:
+            yield lift(receiver, missing)
 
     def _exchange(self, giver: str) -> np.ndarray:
         """Poses (N,7) of the microphone at which it may change hands: level in the air, its head towards the receiver."""
@@ -54,7 +60,7 @@ class HandoverMic(Task):
         return np.stack(
             [
                 yawed((x, y, TABLE_TOP + z), ahead + turn)
-                for z in (0.20, 0.22, 0.25)
+                for z in (0.20, 0.15, 0.10)
                 for y in (-0.10, -0.05, -0.15)
                 for x in (0.0, -0.04, 0.04)
                 for turn in (0.0, 0.4, -0.4, 0.8, -0.8)

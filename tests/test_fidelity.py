@@ -1,0 +1,91 @@
+"""The page that sets our tasks beside the original's is up to date, and what it claims of the rules is so."""
+
+from itertools import pairwise
+
+import pytest
+
+from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons
+from benchmarks.fidelity import PAGE, page
+from pipeline.tasks import TASKS
+
+EVERY = pytest.mark.parametrize("name", sorted(TASKS))
+AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least_rise", "near"}
+"""Limits that a value must be over."""
+
+
+def test_the_page_is_up_to_date():
+    old = PAGE.read_text()
+    assert page(old) == old, "run python -m benchmarks.fidelity"
+
+
+def test_every_task_is_there():
+    assert set(original()) == set(TASKS)
+    rows = [line.split(" | ")[0].removeprefix("| ") for line in PAGE.read_text().splitlines() if line.startswith("| ")]
+    for name in TASKS:
+        assert rows.count(name) == 4, name
+
+
+def test_regions_that_differ_have_a_reason_and_no_other_does():
+    assert {name for name in TASKS if moved(name)} == set(reasons())
+
+
+@EVERY
+def test_what_moves_and_for_how_long_is_the_original_s(name):
+    task, facts = TASKS[name], original()[name]
+    assert task.category == facts["category"]
+    assert task.step_limit == facts["step_limit"]
+    bodies = {p.name for layout in layouts(name) for p in layout}
+    assert set(facts["bodies"]) <= bodies
+    assert set(originals(name)) == set(extents(name))
+
+
+@EVERY
+def test_domino_limits_and_sizes_are_those_of_the_dynamic_version(name):
+    task, facts = TASKS[name], original()[name]
+    for limit, value in facts["limits"]["dynamic"].items():
+        found = task.limits[limit]
+        assert (found.strict if found.domino is None else found.domino) == value, limit
+    for body, size in task.sizes.items():
+        half = facts["bodies"][body]["half"]
+        assert list(size.domino) == half["dynamic"]
+        assert size.strict is None or list(size.strict) == half["static"]
+        for layout in layouts(name, "domino"):
+            pad = next(p.instance for p in layout if p.name == body)
+            assert [pad.hx, pad.hy] == half["dynamic"]
+
+
+@EVERY
+def test_strict_limits_are_no_looser_than_those_of_the_dynamic_version(name):
+    for limit, value in original()[name]["limits"]["dynamic"].items():
+        strict = TASKS[name].limits[limit].strict
+        assert strict >= value if limit in AT_LEAST else strict <= value, limit
+
+
+@EVERY
+def test_strict_rules_ask_for_everything_that_domino_rules_ask_for(name):
+    both, own = conditions(name)
+    assert both
+    assert not set(both) & set(own)
+    assert set(TASKS[name].own_conditions) & set(both) == set()
+
+
+@EVERY
+def test_rules_change_sizes_and_nothing_else_of_a_layout(name):
+    for strict, domino in zip(layouts(name), layouts(name, "domino"), strict=True):
+        assert [(p.name, p.fixed, p.gap, p.inside) for p in strict] == [(p.name, p.fixed, p.gap, p.inside) for p in domino]
+        for ours, theirs in zip(strict, domino, strict=True):
+            assert type(ours.instance) is type(theirs.instance)
+            assert ours.region == theirs.region
+            if ours.name not in TASKS[name].sizes:
+                assert ours.instance == theirs.instance
+
+
+def test_extents_take_both_sides_together():
+    mouse = extents("place_mouse_pad")["mouse"]
+    assert mouse.x == (-0.25, 0.25)
+    assert mouse.away == 0.05
+    assert mouse.y == (-0.20, 0.0)
+    assert mouse.yaw == pytest.approx(3.14, abs=0.002)
+    turned = extents("rotate_qrcode")["sign"]
+    assert turned.yaw == pytest.approx(0.7)
+    assert all(a.differs(b) is (a != b) for a, b in pairwise([mouse, mouse, turned]))
