@@ -127,6 +127,20 @@ class PlaceSearch:
 
 
 @dataclass(frozen=True)
+class HandOverSearch:
+    """How the place is chosen where a body changes hands."""
+
+    judged: int = 24
+    """Places for which a grasp of the receiver is searched, about."""
+
+    tries: int = 3
+    """Free motions of the giver to a place that are searched at most."""
+
+    draw_back: float = 0.09
+    """Distance (m) by which the giver should be able to draw back afterwards."""
+
+
+@dataclass(frozen=True)
 class PressSearch:
     """How fingertips touch a spot from above."""
 
@@ -236,6 +250,7 @@ TIMING = HandTiming()
 GRASP = GraspSearch()
 MOVE = MoveSearch()
 PLACE = PlaceSearch()
+HAND_OVER = HandOverSearch()
 PRESS = PressSearch()
 POUR = PourSearch()
 SWING = SwingSearch()

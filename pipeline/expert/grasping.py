@@ -94,8 +94,24 @@ def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> Gra
 
     Raises PlanFailure with reason no_grasp, grasp_unreachable or grasp_blocked.
     """
-    arm = actor.arm_planner(side)
-    found = _candidates(arm, name, actor.pose(name), actor.frames(name).grasps, options)
+    return _plan(actor, actor.arm_planner(side), name, actor.pose(name), options)
+
+
+def can_take_over(actor: Actor, side: str, giver: str, q: Floats, options: GraspOptions) -> bool:
+    """Whether arm `side` finds a grasp of what arm `giver` holds once that one has joints q (n,)."""
+    arm, name = actor.arm_planner(side), actor.held[giver]
+    body = compose(actor.planner.fk(giver, q), actor.in_hand(giver))
+    try:
+        _plan(actor, arm.within(arm.scene.expecting(giver, q)), name, body, options)
+    except PlanFailure:
+        return False
+    return True
+
+
+def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOptions) -> GraspPlan:
+    """A grasp of body `name` at the pose `body` (7,) in the scene of `arm`; see `plan_grasp`."""
+    side = arm.side
+    found = _candidates(arm, name, body, actor.frames(name).grasps, options)
     checks = _checks(arm, name)
     blocked = "grasp_unreachable"
     tries = GRASP.tries

@@ -6,7 +6,7 @@ templates; how many there must be is said by `Task`.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -46,6 +46,8 @@ class Region:
 class Placement:
     """One line of a layout: a named instance and its region; `gap` (m) keeps its footprint from those placed before.
 
+    `distances` gives least distances (m) of its origin, seen from above, from the origins of bodies placed before, by name.
+
     With `inside`, the name of a body placed before, the region is in that body's frame and no room is kept; see Body.
     """
 
@@ -56,6 +58,7 @@ class Placement:
     gap: float = 0.02
     inside: str = ""
     slide: Slide | None = None
+    distances: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 class Draw:
@@ -232,9 +235,15 @@ def _free_pose(
         pose = _drawn_pose(p.region, rng)
         if in_view is not None and not in_view(middle(pose, p.instance)):
             continue
-        if abs(pose[0]) >= p.region.away_from_centre and all(_apart(pose, box, other, p.gap) for other in others):
+        if abs(pose[0]) >= p.region.away_from_centre and all(_far_enough(p, pose, box, other) for other in others):
             return pose
     return None
+
+
+def _far_enough(p: Placement, pose: np.ndarray, box: np.ndarray, other: Body) -> bool:
+    """Whether a body at `pose`, with the bounds `box` (2,3), keeps its gap and its least distance from another one."""
+    distance = float(np.hypot(*(pose[:2] - other.pose[:2])))
+    return distance >= p.distances.get(other.name, 0.0) and _apart(pose, box, other, p.gap)
 
 
 def _apart(pose: np.ndarray, box: np.ndarray, other: Body, gap: float) -> bool:

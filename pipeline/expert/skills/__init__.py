@@ -7,6 +7,7 @@ Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
 
 from pipeline.expert.skills.gestures import pour, turn
 from pipeline.expert.skills.hand import close, grasp, open_, pause
+from pipeline.expert.skills.handing_over import hand_over
 from pipeline.expert.skills.moving import carry, home, lift, move, retreat, shift
 from pipeline.expert.skills.pairing import together
 from pipeline.expert.skills.setting import ROUND, place, press, resting_poses, upright_goal
@@ -17,6 +18,7 @@ __all__ = [
     "carry",
     "close",
     "grasp",
+    "hand_over",
     "home",
     "lift",
     "move",

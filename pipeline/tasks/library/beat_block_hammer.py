@@ -28,7 +28,7 @@ class BeatBlockHammer(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("hammer", draw.one_of("hammer"), Region(x=(0.0, 0.0), y=(-0.06, -0.06), yaw=(-1.7, -1.4)))
-        block = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-0.5, 0.5), away_from_centre=0.05)
+        block = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-0.5, 0.5))
         yield Placement("block", draw.one_of("block"), block)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

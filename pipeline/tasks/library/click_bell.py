@@ -26,7 +26,7 @@ class ClickBell(Task):
     limits = by_name(plane=Limit(0.02), height=Limit(0.024))
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)
+        region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), away_from_centre=0.05)
         yield Placement("bell", draw.one_of("bell"), region)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -26,7 +26,7 @@ class GrabRoller(Task):
     own_conditions = ()
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("roller", draw.one_of("roller"), Region(x=(-0.10, 0.10), y=(-0.22, -0.05), yaw=(-0.5, 0.5)))
+        yield Placement("roller", draw.one_of("roller"), Region(x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"left": "left", "right": "right"}

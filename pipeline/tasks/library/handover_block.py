@@ -1,11 +1,12 @@
 """handover_block: catch a moving block, hand it to the other arm, set it on a pad."""
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import carry, grasp, home, lift, open_, place, resting_poses, retreat, together, upright_goal
+from pipeline.expert.skills import grasp, hand_over, home, lift, open_, place, resting_poses, retreat, together, upright_goal
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
@@ -29,8 +30,8 @@ class HandoverBlock(Task):
     own_conditions = ("upright", "on_pad", "at_rest", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.05, 0.15)), fixed=True)
-        yield Placement("block", draw.one_of("long_block"), Region(x=(-0.25, -0.05), y=(-0.10, 0.12), yaw=(-0.2, 0.2)))
+        yield Placement("pad", draw.one_of("pad"), Region(x=(0.10, 0.25), y=(0.15, 0.20)), fixed=True)
+        yield Placement("block", draw.one_of("long_block"), Region(x=(-0.25, -0.05), y=(0.0, 0.25), yaw=(-0.2, 0.2)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"giver": "left", "receiver": "right"}
@@ -41,10 +42,9 @@ class HandoverBlock(Task):
     def finish(self, a: Actor) -> Iterator[Skill]:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
-        yield carry(giver, self._exchange(), room=0.09)
         centre = a.frame("pad", "centre")
         goals = resting_poses(a.frames("block")["base"], centre, QUARTERS)
-        yield grasp(receiver, "block", kinds=("low",), goals=[list(goals)], pitch=0.4)
+        yield hand_over(giver, receiver, self._exchange(), kinds=("low",), goals=[list(goals)], pitch=0.4)
         yield open_(giver)
         yield retreat(giver, 0.09)
         yield together(home(giver), lift(receiver, 0.03))
@@ -53,10 +53,9 @@ class HandoverBlock(Task):
         yield retreat(receiver, 0.08)
 
     def _exchange(self) -> np.ndarray:
-        """Poses (N,7) of the block at which it may change hands: upright in the air, in the middle of the table."""
-        return np.stack(
-            [upright_goal((x, y, z), yaw) for z in (0.87, 0.83) for y in (-0.12, -0.05) for x in (0.0, -0.04) for yaw in QUARTERS]
-        )
+        """Poses (N,7) of the block at which it may change hands: upright in the air, near the middle of the table."""
+        spots = product(QUARTERS, (0.87, 0.83, 0.93), (-0.12, -0.05, 0.0), (0.0, -0.04, 0.04))
+        return np.stack([upright_goal((x, y, z), yaw) for yaw, z, y, x in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -32,7 +32,7 @@ class HandoverMic(Task):
     own_conditions = ("released_by_giver", "held")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        region = Region(x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.18)
+        region = Region(x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.20)
         yield Placement("microphone", draw.one_of("microphone"), region)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -37,8 +37,10 @@ class HangingMug(Task):
     own_conditions = ("on_peg_axis", "between_root_and_tip", "off_table", "released")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        yield Placement("rack", draw.one_of("rack"), Region(x=(0.10, 0.25), y=(0.08, 0.14), yaw=(-0.2, 0.2)), fixed=True)
-        yield Placement("mug", draw.one_of("mug"), Region(x=(-0.25, -0.10), y=(-0.10, 0.05), yaw=(-1.57, 1.57)))
+        yield Placement("rack", draw.one_of("rack"), Region(x=(0.10, 0.30), y=(0.13, 0.17), yaw=(-0.2, 0.2)), fixed=True)
+        x = draw.uniform(-0.25, -0.10)
+        mug = Region(x=(x, x), y=(-0.05, 0.05 if x <= -0.15 else 0.0), yaw=(-1.57, 1.57))
+        yield Placement("mug", draw.one_of("mug"), mug)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"catcher": "left", "hanger": "right"}

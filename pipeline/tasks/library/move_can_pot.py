@@ -32,7 +32,7 @@ class MoveCanPot(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("pot", draw.one_of("pot"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)))
         can = Region(x=(-0.30, 0.30), y=(0.05, 0.15), yaw=(-0.79, 0.79), away_from_centre=0.20)
-        yield Placement("can", draw.one_of("sauce_can"), can, gap=0.04)
+        yield Placement("can", draw.one_of("sauce_can"), can, distances={"pot": 0.30})
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["can"])}

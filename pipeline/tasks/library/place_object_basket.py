@@ -35,7 +35,7 @@ class PlaceObjectBasket(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05)))
+        yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * -0.02), y=(-0.08, -0.05)))
         item = Region(x=(side * 0.20, side * 0.25), y=(-0.10, 0.10), yaw=(-0.52, 0.52))
         yield Placement("object", draw.one_of("playing_cards", "toy_car"), item)
 

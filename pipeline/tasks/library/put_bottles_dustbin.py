@@ -1,19 +1,17 @@
 """put_bottles_dustbin: catch a moving bottle and drop it into the dustbin at the left side of the table."""
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, grasp, home, lift, open_, place, retreat, upright_goal
+from pipeline.expert.skills import ROUND, carry, grasp, hand_over, home, lift, open_, retreat, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
-
-MIDDLE = (-0.02, -0.10, TABLE_TOP)
-"""Where the right arm sets the bottle down for the left one."""
 
 
 @register
@@ -36,7 +34,7 @@ class PutBottlesDustbin(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("dustbin", draw.one_of("dustbin"), Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0), fixed=True)
-        bottle = Region(x=(-0.25, 0.25), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.05)
+        bottle = Region(x=(-0.25, 0.30), y=(0.03, 0.23), away_from_centre=0.05)
         yield Placement("bottle", draw.one_of("bottle"), bottle)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
@@ -46,19 +44,26 @@ class PutBottlesDustbin(Task):
         if a.arms["arm"] == "left":
             yield grasp("left", "bottle", goals=[list(self._over_the_bin(a))], pitch=0.4)
         else:
-            yield grasp("right", "bottle", goals=[[upright_goal(MIDDLE, yaw) for yaw in ROUND]], pitch=0.4)
+            yield grasp("right", "bottle", kinds=("neck",), goals=[list(self._exchange())], pitch=0.4)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "right":
-            yield lift("right", 0.08)
-            yield place("right", "base", upright_goal(MIDDLE), yaws=ROUND)
+            yield lift("right", 0.10)
+            yield hand_over(
+                "right", "left", self._exchange(), kinds=("low", "side"), goals=[list(self._over_the_bin(a))], pitch=0.4
+            )
             yield open_("right")
             yield retreat("right", 0.08)
             yield home("right")
-            yield grasp("left", "bottle", goals=[list(self._over_the_bin(a))], pitch=0.4)
-        yield lift("left", 0.12)
+        else:
+            yield lift("left", 0.12)
         yield carry("left", self._over_the_bin(a))
         yield open_("left")
+
+    def _exchange(self) -> np.ndarray:
+        """Poses (N,7) of the bottle at which it may change hands: upright in the air, near the middle of the table."""
+        spots = product(ROUND, (0.12, 0.16, 0.20), (-0.10, -0.05, -0.15), (0.0, -0.05, 0.05))
+        return np.stack([upright_goal((x, y, TABLE_TOP + z), yaw) for yaw, z, y, x in spots])
 
     def _over_the_bin(self, a: Actor) -> np.ndarray:
         """Poses (N,7) of the bottle above the near half of the dustbin, upright or tilted."""

@@ -18,7 +18,7 @@ from pipeline.world.objects.families.cabinet import Cabinet, Drawer
 PULL = 0.115
 """How far (m) the drawer is pulled open."""
 
-OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "soap")
+OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "coffee_box", "soap")
 
 
 @register
@@ -49,7 +49,7 @@ class PutObjectCabinet(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         cabinet = draw.one_of("cabinet")
         assert isinstance(cabinet, Cabinet)
-        yield Placement("cabinet", cabinet, Region(x=(-0.05, 0.05), y=(0.14, 0.155)), fixed=True)
+        yield Placement("cabinet", cabinet, Region(x=(-0.05, 0.05), y=(0.155, 0.155)), fixed=True)
         slot = Region(x=(0.0, 0.0), y=(0.0, 0.0), z=float(cabinet.slot()[2]))
         yield Placement("drawer", cabinet.drawer(), slot, inside="cabinet", slide=cabinet.slide())
         side = draw.side()

@@ -31,8 +31,7 @@ class RotateQrcode(Task):
     own_conditions = ("centred", "on_table", "at_rest", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        turns = draw.side() * np.array([0.2, 0.7])
-        region = Region(x=(-0.20, 0.20), y=(-0.20, 0.0), yaw=(min(turns), max(turns)), away_from_centre=0.05)
+        region = Region(x=(-0.20, 0.20), y=(-0.20, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
         yield Placement("sign", draw.one_of("qr_sign"), region)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -34,7 +34,7 @@ class ScanObject(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        scanner = Region(x=(side * 0.08, side * 0.25), y=(-0.15, -0.05), yaw=(-side * 1.57 - 1.2, -side * 1.57 + 1.2))
+        scanner = Region(x=(side * 0.05, side * 0.25), y=(-0.15, -0.05), yaw=(-side * 1.57 - 1.2, -side * 1.57 + 1.2))
         yield Placement("scanner", draw.one_of("scanner"), scanner)
         box = Region(x=(side * -0.25, side * -0.05), y=(-0.20, 0.0), yaw=(-1.2, 1.2))
         yield Placement("box", draw.one_of("tea_box"), box, gap=0.05)

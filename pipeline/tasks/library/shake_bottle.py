@@ -27,7 +27,7 @@ class ShakeBottle(Task):
     own_conditions = ("held", "upright", "shaken")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
-        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-3.14, 3.14), away_from_centre=0.03)
+        region = Region(x=(-0.25, 0.25), y=(-0.20, -0.05), yaw=(-0.79, 0.79))
         yield Placement("bottle", draw.one_of("bottle"), region)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -94,9 +94,11 @@ def side_pinches(
     return pinches(found, 2 * radius, kind)
 
 
-def _retreat(hits: Callable[[np.ndarray, np.ndarray], bool], height: float, pitch: float) -> float | None:
+def _retreat(
+    hits: Callable[[np.ndarray, np.ndarray], bool], height: float, pitch: float, retreats: Sequence[float] = RETREATS
+) -> float | None:
     t = np.linspace(-HALF_PALM, HALF_PALM, 7)
-    for retreat in RETREATS:
+    for retreat in retreats:
         back = PALM + retreat
         if not hits(back * np.cos(pitch) - t * np.sin(pitch), height + back * np.sin(pitch) + t * np.cos(pitch)):
             return retreat
@@ -142,12 +144,13 @@ def box_pinches(
     axes: str = "xy",
     widest: float = 0.072,
     kind: str = "side",
+    retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
     """Pinches of a box of half extents from above, tilted about the opening axis to both sides.
 
     The box stands on the table unless its `centre` (3,) says otherwise. Each horizontal dimension in `axes` that is at most
     `widest` m is pinched across, at `offsets` times the half extent along the other. `heights` are of the tcp above the box's
-    base, by default those of `low_heights`.
+    base, by default those of `low_heights`. `retreats` are the distances (m) tried by which the tcp stays short of the middle.
     """
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
@@ -169,7 +172,7 @@ def box_pinches(
                         def hits(r: np.ndarray, z: np.ndarray, middle: float = centre_line, reach: float = reach) -> bool:
                             return bool(np.any((np.abs(r + middle) < reach + 0.001) & (z < 2 * hz + 0.001) & (z > 0)))
 
-                        retreat = _retreat(hits, height, p)
+                        retreat = _retreat(hits, height, p, retreats)
                         if retreat is None:
                             continue
                         approach = side * along * np.cos(p) - np.array([0, 0, np.sin(p)])

@@ -15,6 +15,7 @@ from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
+NECK_PITCHES = (0, 15, 30, 45)
 FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  # height of the shoulder in body radii
 
 
@@ -84,9 +85,11 @@ class Bottle(Family):
         r, b = self.radius, self.body
         top = self.height - self.cap
         outline = [*self.outline()[:-1], (self.neck, top), (self.neck, self.height)]
+        low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
+        neck = side_pinches(self.neck, self.height - self.cap / 2, pitches=NECK_PITCHES, outline=outline, kind="neck")
         return NamedFrames(
             {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "cap": mark(0, 0, self.height), "middle": mark(0, 0, b / 2)},
-            side_pinches(r, (0.4 * b, 0.65 * b, b - 0.014), outline=outline),
+            (*low, *side_pinches(r, (0.65 * b, b - 0.014), outline=outline), *neck),
         )
 
     def words(self) -> Words:

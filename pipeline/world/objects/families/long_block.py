@@ -1,6 +1,7 @@
 """A tall square bar, standing: the giver takes it low, the receiver high."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -10,19 +11,21 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import PITCHES, box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
-HEIGHT = (0.18, 0.215)
-HALF = (0.0225, 0.027)
+SHORT_OF_THE_MIDDLE = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020)
+"""Distances (m) by which the tcp may stay short of the middle: the block is wide, a palm that leans needs room."""
+
+HALF = 0.03
+HEIGHT = 0.20
+"""Half width and height (m): the same for all, as the original's."""
 
 
 @register("long_block")
 @dataclass(frozen=True)
 class LongBlock(Family):
-    half: float
-    height: float
     bevel: float
     colour: str
     band: str  # colour of the ring round the middle
@@ -32,8 +35,6 @@ class LongBlock(Family):
     def draw(cls, rng: np.random.Generator) -> Self:
         colour = pick(rng, ("red", "maroon", "coral", "rust"))
         return cls(
-            rng.uniform(*HALF),
-            rng.uniform(*HEIGHT),
             rng.uniform(0.001, 0.005),
             colour,
             other(rng, COLOURS, colour),
@@ -41,7 +42,7 @@ class LongBlock(Family):
         )
 
     def shape(self) -> Shape:
-        w, h = self.half, self.height / 2
+        w, h = HALF, HEIGHT / 2
         ring = box(w + 0.0004, w + 0.0004, self.band_width / 2)
         return Shape(
             visual=((at(box(w, w, h, self.bevel), (0, 0, h)), painted(self.colour)), (at(ring, (0, 0, h)), painted(self.band))),
@@ -51,9 +52,10 @@ class LongBlock(Family):
         )
 
     def frames(self) -> NamedFrames:
-        w, h = self.half, self.height
-        low = box_pinches(w, w, h / 2, heights=(0.035, 0.055), pitches=PITCHES, offsets=(0.0,), kind="low")
-        high = box_pinches(w, w, h / 2, heights=(h - 0.05, h - 0.03), pitches=PITCHES, offsets=(0.0,), kind="high")
+        w, h = HALF, HEIGHT
+        grips = partial(box_pinches, w, w, h / 2, pitches=PITCHES, offsets=(0.0,), retreats=SHORT_OF_THE_MIDDLE)
+        low = grips(heights=(0.035, 0.055, 0.09), kind="low")
+        high = grips(heights=(h - 0.07, h - 0.05, h - 0.03), kind="high")
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)}, (*low, *high))
 
     def words(self) -> Words:
@@ -61,6 +63,5 @@ class LongBlock(Family):
             "long_block",
             "long block",
             colour=self.colour,
-            size=size_word(self.half, HALF, ("slim", "medium-sized", "thick")),
             band=self.band,
         )

@@ -1,0 +1,61 @@
+"""Pass a held body from hand to hand in the air."""
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.budgets import GRASP, HAND_OVER
+from pipeline.expert.grasping import GraspOptions, backed_off, can_take_over, hand_poses
+from pipeline.expert.skills.hand import grasp
+from pipeline.planning.failure import PlanFailure
+from pipeline.planning.trajectory import ArmTrajectory
+from pipeline.poses import Pose
+
+
+def hand_over(
+    giver: str,
+    receiver: str,
+    places: ArrayLike,
+    *,
+    kinds: Sequence[str] | None = None,
+    goals: Sequence[Sequence[Pose]] = (),
+    pitch: float = GRASP.pitch,
+) -> Skill:
+    """Carry the body that `giver` holds to one of the poses `places` (N,7), where `receiver` takes it too; the giver holds on.
+
+    Of poses evenly spread over the free ones, the first is taken where the receiver can grasp the body; poses from which the giver
+    cannot draw back come last. `kinds`, `goals` and `pitch` are those of the receiver's grasp, see grasping.GraspOptions.
+    """
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        options = GraspOptions(kinds, goals, GRASP.standoff, pitch)
+        name, there = a.held[giver], _meeting_point(a, giver, receiver, np.atleast_2d(np.asarray(places, float)), options)
+        yield {giver: there}
+        yield from grasp(receiver, name, kinds=kinds, goals=goals, pitch=pitch)(a)
+
+    return act
+
+
+def _meeting_point(a: Actor, giver: str, receiver: str, places: np.ndarray, options: GraspOptions) -> ArmTrajectory:
+    """A free motion of the giver to where the receiver can take over.
+
+    Raises PlanFailure: pose_unreachable, or handover_blocked where no place suits both arms.
+    """
+    arm, hands = a.arm_planner(giver), hand_poses(a, giver, places)
+    q, ok = arm.solve(hands)
+    if not ok.any():
+        raise PlanFailure("pose_unreachable", f"none of {len(places)} places to hand over is in reach of the {giver} arm")
+    free = arm.checker()
+    found = [i for i in np.flatnonzero(ok) if free(q[i])]
+    some = found[:: max(1, len(found) // HAND_OVER.judged)]
+    some.sort(key=lambda i: arm.line(q[i], backed_off(hands[i], HAND_OVER.draw_back)) is None)
+    suited = (i for i in some if can_take_over(a, receiver, giver, q[i], options))
+    for i in islice(suited, HAND_OVER.tries):
+        try:
+            return arm.free_trajectory(q[i], free)
+        except PlanFailure:
+            continue
+    raise PlanFailure("handover_blocked", f"the {receiver} arm cannot take it over at any of {len(found)} places")
