@@ -85,8 +85,11 @@ class MoveSearch:
     tries: int = 8
     """Free motions that are searched at most."""
 
-    lift_shares: tuple[float, ...] = (1.0, 0.8, 0.6)
+    lift_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
     """Shares of the height that are tried in this order."""
+
+    least_lift: float = 0.6
+    """Share of the height below which a body does not count as lifted."""
 
     shift_shares: tuple[float, ...] = (1.0, 0.9, 0.8)
     retreat_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)

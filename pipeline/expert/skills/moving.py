@@ -59,12 +59,12 @@ def reach(arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1
     raise PlanFailure("path_blocked", f"the {arm.side} arm finds no free path to {len(poses)} poses")
 
 
-def lift(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill:
-    """Move the tcp straight up without turning it, by less (60 % at least) where the arm cannot go higher."""
+def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: float = SPEEDS.lift) -> Skill:
+    """Move the tcp straight up without turning it, by less (the share `least` at least) where the arm cannot go higher."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
-        for share in MOVE.lift_shares:
+        for share in (s for s in MOVE.lift_shares if s >= least):
             path = arm.line(arm.q, lifted(start, height * share))
             if path is not None:
                 yield {side: arm.timed(path, minimum=abs(height) * share / speed)}

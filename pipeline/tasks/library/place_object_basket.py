@@ -50,10 +50,11 @@ class PlaceObjectBasket(Task):
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, lifter = a.arms["arm"], a.arms["lifter"]
-        yield lift(arm, 0.15)
-        yield place(arm, "base", a.frame("basket", arm), yaws=self._along(a), above=0.13, press=-DROP, opening=0.025)
+        yield lift(arm, 0.15, least=0.4)
+        goal = lifted(a.frame("basket", arm), DROP)
+        yield place(arm, "base", goal, yaws=self._along(a), above=0.08, press=0.0, opening=0.025)
         yield open_(arm, by=0.025)
-        yield lift(arm, 0.16)
+        yield lift(arm, 0.16, least=0.2)
         yield together(home(arm), grasp(lifter, "basket", kinds=("handle",)))
         yield lift(lifter, 0.08)
 

@@ -77,7 +77,7 @@ class PutObjectCabinet(Task):
         yield home(puller)
         yield place(arm, "base", self._spots(a, 0.0), yaws=self._across(a), above=0.10, press=-0.02, opening=0.02)
         yield open_(arm, by=0.02)
-        yield lift(arm, 0.10)
+        yield lift(arm, 0.10, least=0.2)
         yield open_(arm)
 
     def _spots(self, a: Actor, pull: float) -> np.ndarray:

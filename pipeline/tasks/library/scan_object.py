@@ -68,7 +68,8 @@ class ScanObject(Task):
         )
 
     def _scans(self, a: Actor) -> np.ndarray:
-        """Poses (N,7) of the scanner, upright or nearly so, with the middle of the box in front of its window, from many sides."""
+        """Poses (N,7) of the scanner, upright or nearly so, with the middle of the box in front of its window, from many sides,
+        6 cm or more above the table."""
         middle, window = self._middle(a.pose("box"), a.bodies), a.frames("scanner")["window"]
         s = 1 if a.arms["scan_arm"] == "right" else -1
         found = []
@@ -77,7 +78,7 @@ class ScanObject(Task):
             stands = quat_multiply(quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt))
             ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
             found.append(pose(middle - FROM_CENTRE * ahead - quat_rotate(stands, window[:3]), stands))
-        return np.stack(found)
+        return np.stack([p for p in found if p[2] > TABLE_TOP + 0.06])
 
     def _middle(self, box: Pose, bodies: dict[str, Body]) -> np.ndarray:
         return transform(box, bodies["box"].instance.frames()["top"][:3] / 2)
