@@ -99,6 +99,9 @@ class MoveSearch:
     steps_off: tuple[float, ...] = (0.01, 0.02, 0.04)
     """Distances (m) by which an arm that stands too near to something moves off before it goes home."""
 
+    rises: tuple[float, ...] = (0.08, 0.16)
+    """Heights (m) by which it rises instead."""
+
 
 @dataclass(frozen=True)
 class PlaceSearch:

@@ -57,6 +57,10 @@ class PlanningScene:
         others = {n: obstacle for n, obstacle in self.obstacles.items() if n != name}
         return replace(self, obstacles=others, carried={**self.carried, name: carried})
 
+    def commanding(self, side: str, q: ArrayLike) -> "PlanningScene":
+        """The scene in which arm `side` stands at joints q (n,)."""
+        return replace(self, arms={**self.arms, side: replace(self.arms[side], q=np.array(q, float), expected=np.array(q, float))})
+
     def expecting(self, side: str, q: ArrayLike) -> "PlanningScene":
         """The scene in which arm `side` is expected to have joints q (n,)."""
         return replace(self, arms={**self.arms, side: replace(self.arms[side], expected=np.array(q, float))})

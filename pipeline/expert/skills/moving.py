@@ -1,6 +1,7 @@
 """Moves of the hand, free or along a straight line, with or without a body in it."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,19 +108,30 @@ def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Ski
 
 
 def home(side: str) -> Skill:
-    """Return the arm to its home joints, a short step off first where it stands too near to something."""
+    """Return the arm to its home joints; where it finds no path, it first steps off, or rises, and stays there as a last resort."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm = a.arm_planner(side)
         free = arm.checker()
-        if not free(arm.q):
-            lines = (arm.line(arm.q, goal) for goal in _steps_off(a.tcp(side)))
-            off = next((line for line in lines if line is not None and free(line[-1])), None)
-            if off is not None:
+        if free(arm.q):
+            with suppress(PlanFailure):
+                yield {side: arm.free_trajectory(arm.home, free)}
+                return
+        lines = (arm.line(arm.q, goal) for goal in (*_steps_off(a.tcp(side)), *_rises(a.tcp(side))))
+        for off in (line for line in lines if line is not None and free(line[-1])):
+            there = arm.within(arm.scene.commanding(side, off[-1]))
+            with suppress(PlanFailure):
+                back = there.free_trajectory(arm.home, free)
                 yield {side: arm.timed(off)}
-        yield {side: a.arm_planner(side).free_trajectory(arm.home, free)}
+                yield {side: back}
+                return
 
     return act
+
+
+def _rises(tcp: Pose) -> list[Pose]:
+    """Hand poses above this one, the nearest first."""
+    return [lifted(tcp, height) for height in MOVE.rises]
 
 
 def _steps_off(tcp: Pose) -> list[Pose]:

@@ -12,6 +12,7 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects.families.bottle import BODY
 
 
 @register
@@ -42,9 +43,9 @@ class PutBottlesDustbin(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "left":
-            yield grasp("left", "bottle", goals=[list(self._over_the_bin(a))], pitch=0.4)
+            yield grasp("left", "bottle", kinds=BODY, goals=[list(self._over_the_bin(a))], pitch=0.4)
         else:
-            yield grasp("right", "bottle", kinds=("neck",), goals=[list(self._exchange())], pitch=0.4)
+            yield grasp("right", "bottle", kinds=("neck", "high"), goals=[list(self._exchange())], pitch=0.4)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         if a.arms["arm"] == "right":

@@ -15,7 +15,7 @@ from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 from pipeline.world.objects.families.cabinet import Cabinet, Drawer
 
-PULL = 0.115
+PULL = 0.135
 """How far (m) the drawer is pulled open."""
 
 OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "coffee_box", "soap")

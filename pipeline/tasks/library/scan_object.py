@@ -13,8 +13,11 @@ from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 
-FROM_CENTRE = 0.058
-"""Distance (m) of the scanner's window from the middle of the box when it scans."""
+FROM_CENTRE = (0.058, 0.052)
+"""Distances (m) of the scanner's window from the middle of the box when it scans."""
+
+TILTS = (0.0, 0.35, -0.35, 0.7)
+"""Turns (rad) of the scanner about its level axis; positive ones make it look down."""
 
 
 @register
@@ -60,7 +63,7 @@ class ScanObject(Task):
         return np.stack(
             [
                 upright_goal((s * x, y, TABLE_TOP + z), yaw)
-                for z in (0.14, 0.11, 0.18)
+                for z in (0.18, 0.14, 0.22)
                 for x in (0.0, 0.03, -0.03)
                 for y in (-0.03, -0.07)
                 for yaw in ROUND
@@ -73,11 +76,11 @@ class ScanObject(Task):
         middle, window = self._middle(a.pose("box"), a.bodies), a.frames("scanner")["window"]
         s = 1 if a.arms["scan_arm"] == "right" else -1
         found = []
-        for tilt, turn in product((0.0, 0.35, -0.35), (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0)):
+        for distance, tilt, turn in product(FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)):
             heading = np.arctan2(0.0, -s) - s * turn  # from the scanner's side towards the box, or from nearer to the robot
             stands = quat_multiply(quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt))
             ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
-            found.append(pose(middle - FROM_CENTRE * ahead - quat_rotate(stands, window[:3]), stands))
+            found.append(pose(middle - distance * ahead - quat_rotate(stands, window[:3]), stands))
         return np.stack([p for p in found if p[2] > TABLE_TOP + 0.06])
 
     def _middle(self, box: Pose, bodies: dict[str, Body]) -> np.ndarray:

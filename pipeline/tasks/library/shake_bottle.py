@@ -9,6 +9,7 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
+from pipeline.world.objects.families.bottle import BODY
 
 
 @register
@@ -34,7 +35,7 @@ class ShakeBottle(Task):
         return {"arm": side_of(bodies["bottle"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
-        yield grasp(a.arms["arm"], "bottle", pitch=0.3)
+        yield grasp(a.arms["arm"], "bottle", kinds=BODY, pitch=0.3)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]

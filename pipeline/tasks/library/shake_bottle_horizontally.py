@@ -12,6 +12,7 @@ from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task,
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects.families.bottle import BODY
 
 
 @register
@@ -38,7 +39,7 @@ class ShakeBottleHorizontally(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         goals = [list(self._tipped(a, lean)[0]) for lean in (0.0, 0.6, -0.6)]
-        yield grasp(a.arms["arm"], "bottle", goals=goals, pitch=0.0)
+        yield grasp(a.arms["arm"], "bottle", kinds=BODY, goals=goals, pitch=0.0)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.12)

@@ -15,7 +15,10 @@ from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
-NECK_PITCHES = (0, 15, 30, 45)
+BODY = ("low", "side", "high")
+"""Kinds of grasps around the body; they hold firmer than one around the neck."""
+
+NECK_PITCHES = (0, 15, 30)
 FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  # height of the shoulder in body radii
 
 
@@ -86,10 +89,11 @@ class Bottle(Family):
         top = self.height - self.cap
         outline = [*self.outline()[:-1], (self.neck, top), (self.neck, self.height)]
         low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
-        neck = side_pinches(self.neck, self.height - self.cap / 2, pitches=NECK_PITCHES, outline=outline, kind="neck")
+        high = side_pinches(r, b - 0.014, outline=outline, kind="high")
+        neck = side_pinches(self.neck, self.height - 0.35 * self.cap, pitches=NECK_PITCHES, outline=outline, kind="neck")
         return NamedFrames(
             {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "cap": mark(0, 0, self.height), "middle": mark(0, 0, b / 2)},
-            (*low, *side_pinches(r, (0.65 * b, b - 0.014), outline=outline), *neck),
+            (*low, *side_pinches(r, 0.65 * b, outline=outline), *high, *neck),
         )
 
     def words(self) -> Words:
