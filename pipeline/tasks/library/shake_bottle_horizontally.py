@@ -14,6 +14,12 @@ from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.families.bottle import BODY
 
+SPOTS = (
+    *((0.08, -0.03, 0.20), (0.15, -0.08, 0.20), (0.10, -0.10, 0.14), (0.15, 0.05, 0.26)),
+    *((0.10, 0.00, 0.30), (0.20, 0.00, 0.30), (0.10, -0.10, 0.32), (0.00, 0.20, 0.30), (0.05, 0.10, 0.38)),
+)
+"""Where the middle of the bottle is rocked (m): outwards on the side of the arm, y, and height above the table."""
+
 
 @register
 class ShakeBottleHorizontally(Task):
@@ -43,13 +49,13 @@ class ShakeBottleHorizontally(Task):
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.12)
-        yield rock(a.arms["arm"], *self._tipped(a), times=6, angles=(0.85, 0.7, 0.6, 0.5, 0.42))
+        yield rock(a.arms["arm"], *self._tipped(a), times=6, angles=(0.85, 0.7, 0.6, 0.5, 0.42, 0.38))
 
     def _tipped(self, a: Actor, lean: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Poses (N,7) of the bottle in the air, its cap `lean` rad below the level, and level axes (N,3) across it."""
         middle, out = a.frames("bottle")["middle"][2], -1 if a.arms["arm"] == "left" else 1
         poses, axes = [], []
-        for x, y, z in ((0.08, -0.03, 0.20), (0.15, -0.08, 0.20), (0.10, -0.10, 0.14), (0.15, 0.05, 0.26)):
+        for x, y, z in SPOTS:
             centre = np.array([out * x, y, TABLE_TOP + z])
             for heading in np.arange(0, 2 * np.pi, np.pi / 6).tolist():
                 tip = quat_multiply(quat_about((0, 0, 1), heading), quat_about((0, 1, 0), np.pi / 2 + lean))
