@@ -15,6 +15,9 @@ from pipeline.world.body import TABLE_TOP, Body
 class BeatBlockHammer(Task):
     """Take the hammer and bring its face down on the top of a block that moves.
 
+    The block stands anywhere in the region of the original's dynamic version where it keeps clear of the hammer
+    (|x| > 5 cm or so).
+
     Success: hammer face and block top within 2 cm (plane, per axis: the original's static tolerance; its dynamic one is 4 cm) at a
     frame in which they touch, with the hammer at least 2 cm above the table; the hammer held by the acting arm. The original's
     height of 0.8 m is 1.7 cm above where its hammer's origin lies.

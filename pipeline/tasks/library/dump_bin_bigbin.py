@@ -35,7 +35,9 @@ class DumpBinBigbin(Task):
 
     Success: every ball inside the big bin, no more than 12 cm above its floor (the original's 0.13 to 0.25 m), the table bin held
     by the left arm 26 cm or more above where it stood (the original's 1.0 m; it does not ask for the hold). The balls ride in the
-    bin as free bodies. The table is not shifted: the big bin stands on the floor at its left edge.
+    bin as free bodies. The region of the table bin is the original's. The original shifts the table by 30 cm to the right under
+    the robot, so that its big bin stands at x = -45 cm, y = 0; here the table is the same in all tasks, so the big bin stands as
+    near as it can, on the floor at the left edge (x about -80 cm, y about -10 cm), and the left arm has to reach further.
     """
 
     category = INTERCEPTION

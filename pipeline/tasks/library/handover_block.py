@@ -17,7 +17,9 @@ QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
 
 @register
 class HandoverBlock(Task):
-    """Catch a long block with the left arm, hand it over to the right arm, which stands it on the blue pad.
+    """Catch a long block with the left arm, hand it over in the air to the right arm, which stands it on the blue pad.
+
+    Block (6 x 6 x 20 cm) and regions are the original's.
 
     Success: base of the block within 3 cm (plane, per axis) and 1 cm (height) of the pad's centre, resting on it upright after
     having been lifted 3 cm, the placing gripper measured open. The original asks neither for rest nor for an upright block.

@@ -20,6 +20,10 @@ HELD_UP = 0.195
 class HandoverMic(Task):
     """Catch a microphone by its tail with the arm beside it and hand it, head first, to the other arm.
 
+    The region is the original's (dynamic), save that the microphone lies at any yaw, where the original's has always the same, and
+    that on the right it stands no further out than the head camera sees (about 25 cm; the camera is at x = -3.2 cm, as the
+    original's, which does not ask whether the target is seen).
+
     Success: the receiving gripper, commanded to be closed, holds it with both fingers, the giving one is measured open and does not
     touch it, and the head of the microphone is on the receiver's side of the table, 18 cm or more above it (as in the original),
     after having been lifted 3 cm.

@@ -27,7 +27,7 @@ class HangingMug(Task):
     root and tip), the mug on the rack (it may still swing) and off the table, no arm at it, the right gripper measured open, after
     having been lifted 3 cm. As in the original's dynamic version the hole is also within 5 cm (plane, per axis; 2 cm in its static
     one) of the point midway between the rack's foot and the peg's tip, and 9 cm above the table (12 cm); a mug behind the peg
-    passes these two. The rack is fixed to the table and stands up to 7 cm nearer than the original's.
+    passes these two. The rack is fixed to the table. Regions are the original's.
     """
 
     category = INTERCEPTION

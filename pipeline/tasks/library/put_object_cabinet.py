@@ -25,6 +25,10 @@ OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "play
 class PutObjectCabinet(Task):
     """Catch a moving object with the arm beside it, pull the drawer of the cabinet open with the other arm, put the object in.
 
+    Objects of the original's ten kinds, in its regions, save that on the right the object stands no further out than the head
+    camera sees (about 25 cm, on the left 32 cm; the camera is at x = -3.2 cm, as the original's, which does not ask whether the
+    target is seen).
+
     Success: the drawer 5 cm or more open, the object inside it (within its walls, between its floor and 4 cm above its rim),
     touching it and not the table, the object's gripper measured open, after a lift of 3 cm. As in the original's dynamic version
     the object is also within 12 x 7 cm of a point, here the middle of what is open of the drawer, and between 0.5 and 18 cm above

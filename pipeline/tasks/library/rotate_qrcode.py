@@ -21,7 +21,7 @@ class RotateQrcode(Task):
     Success: sign on the table, turned to the robot within 0.14 rad (the original's 0.05 per quaternion component, tighter than
     the 10 degrees of its data generation), less than 1 cm above the table, within 5 cm (per axis) of its place at x = 20 cm on the
     arm's side, after having been lifted 3 cm, at rest, both grippers measured open. The original asks for place and lift in data
-    generation only. The orientation error at the start is at least 0.2 rad; in the original the sign may start facing right.
+    generation only. As in the original it may start turned right, in the wrong place.
     """
 
     category = INTERCEPTION

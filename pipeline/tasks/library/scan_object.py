@@ -26,7 +26,7 @@ class ScanObject(Task):
 
     Success: the middle of the box lies within 2.5 cm (per axis) of the ray out of the scanner's window and less than 7 cm in front
     of it (the original's tolerances), both grippers commanded to be closed, both things held by their arms and 5 cm or more above
-    where they stood.
+    where they stood. Regions are the original's; box and scanner keep 5 cm apart.
     """
 
     category = INTERCEPTION
