@@ -60,7 +60,7 @@ def reach(arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1
 
 
 def lift(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill:
-    """Move the tcp straight up without turning it, by less (60 % at least) where the arm cannot go higher."""
+    """Move the tcp straight up without turning it, by less (a quarter at least) where the arm cannot go higher."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)

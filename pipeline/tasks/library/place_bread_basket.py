@@ -28,7 +28,7 @@ class PlaceBreadBasket(Task):
         side = draw.side()
         bread = Region(x=(side * 0.15, side * 0.27), y=(-0.20, 0.05), yaw=(-0.8, 0.8))
         yield Placement("bread", draw.one_of("bread"), bread)
-        basket = Region(x=(side * -0.05, side * 0.25), y=(-0.10, 0.10), yaw=(-3.14, 3.14))
+        basket = Region(x=(-0.25, 0.25), y=(-0.05, 0.15), yaw=(-3.14, 3.14))
         yield Placement("basket", draw.one_of("bread_basket"), basket)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -30,8 +30,8 @@ class PlaceBreadSkillet(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("skillet", draw.one_of("skillet"), Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.52, 0.52)))
-        yield Placement("bread", draw.one_of("bread"), Region(x=(side * -0.28, side * -0.15), y=(-0.20, 0.05), yaw=(-0.8, 0.8)))
+        yield Placement("skillet", draw.one_of("skillet"), Region(x=(side * 0.15, side * 0.25), y=(-0.20, 0.05), yaw=(-0.52, 0.52)))
+        yield Placement("bread", draw.one_of("bread"), Region(x=(side * -0.28, side * -0.20), y=(-0.20, 0.05), yaw=(-0.8, 0.8)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         pan = side_of(bodies["skillet"])

@@ -25,7 +25,7 @@ class PlaceCanBasket(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05)))
-        yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(-0.05, 0.10), yaw=(-3.14, 3.14)))
+        yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["can"])

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
+from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import grasp, lift, place, resting_poses
+from pipeline.expert.skills import grasp, lift, resting_poses
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
@@ -26,19 +29,21 @@ class PlaceFan(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("fan", draw.one_of("fan"), Region(x=(side * 0.03, side * 0.10), y=(-0.15, -0.05), yaw=(-1.2, 1.2)))
+        yield Placement("fan", draw.one_of("fan"), Region(x=(0.0, side * 0.10), y=(-0.15, -0.05), yaw=(-np.pi, np.pi)))
         pad = draw.one_of("pad", half=(0.05, 0.05), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.15, side * 0.25), y=(-0.20, 0.0)))
+        yield Placement("pad", pad, Region(x=(-0.25, 0.25), y=(-0.20, 0.0)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["fan"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm, centre = a.arms["arm"], a.frame("pad", "centre")
-        goals = resting_poses(a.frames("fan")["base"], centre, (0.0,))
-        yield grasp(arm, "fan", goals=[list(goals), list(lifted(goals, 0.05))])
+        down = resting_poses(a.frames("fan")["base"], centre, (0.0,))
+        goals = [list(down), list(lifted(down, 0.05))]
+        yield from regrasp(a, arm, "fan", goals[:1])
+        yield grasp(arm, "fan", goals=goals)
         yield lift(arm, 0.06)
-        yield place(arm, "base", centre, above=0.05)
+        yield place_or_regrasp(arm, "base", centre, above=0.05)
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         return let_go(a.arms["arm"])

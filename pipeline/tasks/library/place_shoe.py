@@ -31,9 +31,9 @@ class PlaceShoe(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        yield Placement("mat", draw.one_of("mat"), Region(x=(side * -0.02, side * 0.12), y=(-0.15, -0.05)))
-        shoe = Region(x=(side * 0.05, side * 0.25), y=(-0.10, 0.05), yaw=(np.pi - 0.95 - side * 0.35, np.pi + 0.95 - side * 0.35))
+        shoe = Region(x=(side * 0.22, side * 0.25), y=(-0.10, 0.05), yaw=(-np.pi, np.pi), away_from_origin=0.25)
         yield Placement("shoe", draw.one_of("shoe"), shoe)
+        yield Placement("mat", draw.one_of("mat"), Region(x=(-0.20, 0.20), y=(-0.15, -0.05)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["shoe"])}

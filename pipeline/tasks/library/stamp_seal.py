@@ -24,13 +24,12 @@ class StampSeal(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        stamp = Region(x=(side * 0.05, side * 0.25), y=(-0.05, 0.05), yaw=(-3.14, 3.14))
-        yield Placement("stamp", draw.one_of("seal"), stamp)
+        yield Placement("stamp", draw.one_of("seal"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14)))
         pad = draw.one_of("pad", half=(0.035, 0.035), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.15, 0.10)), gap=0.03)
+        yield Placement("pad", pad, Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        return {"arm": side_of(bodies["stamp"])}
+        return {"arm": side_of(bodies["pad"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         return set_down_on(a, a.arms["arm"], "stamp", a.frame("pad", "centre"), ROUND, up=0.06)
