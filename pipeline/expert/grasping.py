@@ -108,12 +108,12 @@ class GraspChoice:
     def lines(self) -> dict[int, Floats]:
         """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand can rise from the grasp then."""
         found = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
-        rise = GRASP.lift
-        return {
-            i: line
-            for i, line in found.items()
-            if line is not None and self.arm.line(line[-1], lifted(self.found.tcp[i], rise)) is not None
-        }
+        return {i: line for i, line in found.items() if line is not None and self.risen(i, line) is not None}
+
+    def risen(self, i: int, line: Floats) -> Floats | None:
+        """Joints (n,) when the hand has risen straight up from the grasp, or None where it cannot."""
+        path = self.arm.line(line[-1], lifted(self.found.tcp[i], GRASP.lift))
+        return None if path is None else path[-1]
 
     def free(self, i: int, line: Floats, jaws: float) -> bool:
         """Whether the jaws, at `jaws`, are wide enough for candidate i and the hand touches nothing from its standoff on."""
@@ -122,12 +122,13 @@ class GraspChoice:
         return self.found.grasps[i // 2].width <= room and checks.closing(line) and checks.standing(self.found.q[i])
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
-        """Whether candidate i leaves room to other bodies on its line in, and leads to a pose of every entry of `goals`."""
+        """Whether candidate i leaves room to other bodies on its line in and above, and leads to a pose of every goal."""
+        passing, risen = self.checks[jaws].passing, self.risen(i, line)
+        if risen is None or not passing(line) or not passing(risen):
+            return False
         held = Carried(self.arm.side, self.pieces, inverse(self.found.local[i]))
         closed = min(1.0, self.found.grasps[i // 2].width / self.found.opening)
-        return self.checks[jaws].passing(line) and all(
-            _leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal)) for goal in self.goals
-        )
+        return all(_leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal)) for goal in self.goals)
 
     def promising(self, tries: int = GRASP.tries) -> bool:
         """Whether one of the `tries` cheapest candidates that can be taken leads to the goals."""
@@ -159,8 +160,12 @@ def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> Gra
 
     Raises PlanFailure with reason no_grasp, grasp_unreachable or grasp_blocked.
     """
-    arm = actor.arm_planner(side)
-    search = search_of(actor, arm, name, actor.pose(name), options)
+    return _plan(actor, actor.arm_planner(side), name, actor.pose(name), options)
+
+
+def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOptions) -> GraspPlan:
+    """A grasp of body `name` at the pose `body` (7,) in the scene of `arm`; see `plan_grasp`."""
+    search = search_of(actor, arm, name, body, options)
     found, lines = search.found, search.lines()
     tries = GRASP.tries
     spare = list[tuple[int, Floats, float]]()
@@ -187,7 +192,7 @@ def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> Gra
         else:
             return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, line)
     blocked = "grasp_blocked" if lines else "grasp_unreachable"
-    raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {side} arm without touching something")
+    raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {arm.side} arm without touching something")
 
 
 def _candidates(arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Grasp], options: GraspOptions) -> _Candidates:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.expert.actor import Actor, MotionStep, Skill
 from pipeline.expert.budgets import GRASP, PLACE, SEAT
 from pipeline.expert.grasping import GraspOptions, leading_grasps, search_of
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.skills import grasp, in_turn, lift, open_, place, resting_poses, retreat
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.scene import Obstacle
@@ -51,9 +51,8 @@ def place_or_regrasp(
             seats = find_seats(a, side, name, goals)
             if len(seats) == 0:
                 raise failure from None
-            again = (*_seat(a, side, name, seats), grasp(side, name, goals=goals), lift(side, GRASP.lift), placing)
-            for skill in again:
-                yield from skill(a)
+            taken = (grasp(side, name, goals=goals), lift(side, GRASP.lift))
+            yield from in_turn(*_seat(a, side, name, seats), *taken, placing)(a)
 
     return act
 

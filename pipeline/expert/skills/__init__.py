@@ -5,6 +5,7 @@
 Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
 """
 
+from pipeline.expert.skills.choice import first_of, in_turn
 from pipeline.expert.skills.gestures import pour, turn
 from pipeline.expert.skills.hand import close, grasp, open_, pause
 from pipeline.expert.skills.moving import carry, home, lift, move, retreat, shift
@@ -16,8 +17,10 @@ __all__ = [
     "ROUND",
     "carry",
     "close",
+    "first_of",
     "grasp",
     "home",
+    "in_turn",
     "lift",
     "move",
     "open_",

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, home, lift, open_, place, resting_poses, together
+from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
@@ -21,6 +22,7 @@ class PlaceCanBasket(Task):
     category = INTERCEPTION
     step_limit = 700
     target = "can"
+    workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

@@ -20,8 +20,8 @@ class PlaceFan(Task):
 
     Success: base of the fan within 4 cm (per axis) of the pad's centre, turned to the robot within 0.14 rad (0.05 per quaternion
     component), resting on it, both grippers measured open. Tolerances as in the original; the pad is its static one (10 cm) rather
-    than the dynamic one (14 cm). The fan starts turned by up to 1.2 rad: the original's is turned any way in its static version and
-    not at all in its dynamic one.
+    than the dynamic one (14 cm). Fan and pad stand where the original's dynamic version has them, the pad on either side, but apart
+    from each other (the original does not look). The fan is turned any way, as in its static version, not as in its dynamic one.
     """
 
     category = TRACKING

@@ -22,7 +22,8 @@ class PlaceShoe(Task):
     Success: origin of the shoe within 5 cm along and 2 cm across the mat of the mat's centre, toe within 0.14 rad of left,
     resting upright on the mat, both grippers measured open. The tolerances are the original's static ones (5 x 2 cm, 0.07 per
     quaternion component); its dynamic ones are 8 x 4 cm. The original measures from a fixed point of the table; this follows the
-    mat. The mat's size is drawn by its family; the original enlarges it for the dynamic version.
+    mat. The mat's size is drawn by its family; the original enlarges it for the dynamic version. Shoe (any yaw, 25 cm or more
+    from the origin) and mat stand where the original's dynamic version has them, apart from each other.
     """
 
     category = TRACKING

@@ -16,7 +16,7 @@ class StampSeal(Task):
 
     Success: face of the stamp within 1 cm (per axis) of the pad's centre and 1 cm (height), upright, resting on it, both grippers
     measured open: the original's static tolerance and pad (7 cm), where its dynamic version allows 3.5 cm and 54 degrees on a 9 cm
-    pad. Both stand on the same side, as in its static version, so that one arm reaches both.
+    pad. As in its dynamic version the stamp stands in the middle of the table and the pad on either side, which chooses the arm.
     """
 
     category = TRACKING
