@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.tasks import TASKS, lay_out
+from pipeline.tasks.contract import Draw
 from pipeline.world.objects import FAMILIES
 
 LAYOUTS = 200
@@ -92,7 +93,7 @@ def shapes_made_once():
 def layouts(task, count):
     """Layouts of a task, without physics: four sets of instances, each time at other places."""
     placement = np.random.default_rng(7)
-    return [lay_out(TASKS[task], np.random.default_rng(k % 4), placement) for k in range(count)]
+    return [lay_out(TASKS[task], Draw(np.random.default_rng(k % 4), placement)) for k in range(count)]
 
 
 @pytest.fixture(scope="module", params=sorted(REGIONS))
