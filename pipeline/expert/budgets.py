@@ -47,6 +47,9 @@ class GraspSearch:
     standoff: float = 0.08
     """Length (m) of the straight line on which the open hand comes in."""
 
+    short_share: float = 0.5
+    """Share of it that is enough where the arm does not reach the whole."""
+
     lift: float = 0.08
     """Height (m) by which the hand must be able to rise straight up from the grasp."""
 
@@ -59,6 +62,10 @@ class GraspSearch:
     open: float = 0.99
     """Gripper value from which on the jaws count as open."""
 
+    openings: tuple[float, ...] = (1.0, 0.65, 0.4)
+    """Gripper values with which the hand comes in, in this order: jaws opened all the way do not fit into a small bowl, nor between
+    close neighbours."""
+
     spare_opening: float = 0.008
     """Length (m) by which the jaws must open wider than the object."""
 
@@ -67,6 +74,9 @@ class GraspSearch:
 
     pitch_weight: float = 1.0
     """Cost of each rad by which an approach differs from the preferred pitch."""
+
+    lever_weight: float = 15.0
+    """Cost of each m between the tcp and the body's origin, seen from above: a body held off its middle droops in the jaws."""
 
     limit_weight: float = 1.5
     """Gain for each unit of `kinematics.limit_margin`."""
@@ -79,6 +89,38 @@ class GraspSearch:
 
 
 @dataclass(frozen=True)
+class SeatSearch:
+    """Where a body is set down between two grasps when no one grasp leads from where it stands to where it is to go."""
+
+    xs: tuple[float, ...] = (0.0, 0.08, 0.16, 0.24, 0.30)
+    """Distances (m) from the middle of the table, on the side of the arm."""
+
+    ys: tuple[float, ...] = (-0.20, -0.12, -0.04, 0.04, 0.12)
+    """m."""
+
+    turns: int = 12
+    """Yaw angles at each place."""
+
+    gap: float = 0.03
+    """Room (m) kept to other bodies, seen from above."""
+
+    grasps: int = 40
+    """Grasps by which the seats are judged, evenly chosen among those in reach."""
+
+    tries: int = 24
+    """Seats looked at closely, those that leave most grasps first."""
+
+    wanted: int = 3
+    """Seats to choose from while the body is carried."""
+
+    above: float = 0.06
+    """Height (m) from which the body comes straight down onto its seat."""
+
+    retreat: float = 0.08
+    """Distance (m) by which the hand draws back from it."""
+
+
+@dataclass(frozen=True)
 class MoveSearch:
     """How far a hand moves where it cannot move all the way, and how many goals are tried."""
 
@@ -88,8 +130,8 @@ class MoveSearch:
     lift_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
     """Shares of the height that are tried in this order."""
 
-    least_lift: float = 0.6
-    """Share of the height below which a body does not count as lifted."""
+    least_lift: float = 0.25
+    """Share of the height that a lift reaches at least."""
 
     shift_shares: tuple[float, ...] = (1.0, 0.9, 0.8)
     retreat_shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -254,6 +296,7 @@ class SwingSearch:
 SPEEDS = Speeds()
 TIMING = HandTiming()
 GRASP = GraspSearch()
+SEAT = SeatSearch()
 MOVE = MoveSearch()
 PLACE = PlaceSearch()
 HAND_OVER = HandOverSearch()

@@ -18,6 +18,7 @@ from pipeline.planning.scene import Carried
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_rotate
 from pipeline.world.objects.contract import Grasp
+from pipeline.world.shapes import Collider
 
 Floats = NDArray[np.float64]
 
@@ -41,9 +42,10 @@ class GraspOptions:
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """The motion to a grasp: a free trajectory to the standoff, then a straight line (K,n), fingers open, to the tcp pose."""
+    """The motion to a grasp with the gripper at `jaws`: a free trajectory to the standoff, then a straight line (K,n)."""
 
     grasp: Grasp
+    jaws: float
     tcp: Pose
     to_standoff: ArmTrajectory
     line: Floats
@@ -67,7 +69,7 @@ class _Candidates:
 
 @dataclass(frozen=True, eq=False)
 class _Checks:
-    """Checkers with open jaws: along the line in, which ends in contact; at the standoff; along the line with room to others."""
+    """Checkers with the jaws at one value: on the line in, which ends in contact; at the standoff; on the line with room."""
 
     closing: IsFree
     standing: IsFree
@@ -89,8 +91,72 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
     return compose(bodies, inverse(actor.in_hand(side))[None])
 
 
+@dataclass(frozen=True, eq=False)
+class GraspChoice:
+    """The candidates of one body in one scene, cheapest first, and what is known of each.
+
+    `pieces` are the collision pieces of the body `name` in its own frame, `checks` hold for each gripper value of GRASP.openings.
+    """
+
+    arm: ArmPlanner
+    name: str
+    pieces: tuple[Collider, ...]
+    found: _Candidates
+    checks: dict[float, _Checks]
+    goals: Sequence[Sequence[Pose]]
+
+    def lines(self) -> dict[int, Floats]:
+        """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand can rise from the grasp then."""
+        found = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
+        return {i: line for i, line in found.items() if line is not None and self.risen(i, line) is not None}
+
+    def risen(self, i: int, line: Floats) -> Floats | None:
+        """Joints (n,) when the hand has risen straight up from the grasp, or None where it cannot."""
+        path = self.arm.line(line[-1], lifted(self.found.tcp[i], GRASP.lift))
+        return None if path is None else path[-1]
+
+    def free(self, i: int, line: Floats, jaws: float) -> bool:
+        """Whether the jaws, at `jaws`, are wide enough for candidate i and the hand touches nothing from its standoff on."""
+        room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
+        checks = self.checks[jaws]
+        return self.found.grasps[i // 2].width <= room and checks.closing(line) and checks.standing(self.found.q[i])
+
+    def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
+        """Whether candidate i leaves room to other bodies on its line in and above, and leads to a pose of every goal."""
+        passing, risen = self.checks[jaws].passing, self.risen(i, line)
+        if risen is None or not passing(line) or not passing(risen):
+            return False
+        held = Carried(self.arm.side, self.pieces, inverse(self.found.local[i]))
+        closed = min(1.0, self.found.grasps[i // 2].width / self.found.opening)
+        return all(_leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal)) for goal in self.goals)
+
+    def promising(self, tries: int = GRASP.tries) -> bool:
+        """Whether one of the `tries` cheapest candidates that can be taken leads to the goals."""
+        lines = self.lines()
+        for jaws in GRASP.openings:
+            for i, line in lines.items():
+                if not self.free(i, line, jaws):
+                    continue
+                if self.leads_on(i, line, jaws):
+                    return True
+                tries -= 1
+                if tries == 0:
+                    return False
+        return False
+
+
+def search_of(actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: GraspOptions) -> GraspChoice:
+    """The grasps of body `name` where it stands at the world pose `at`, in the scene of `arm`.
+
+    Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable").
+    """
+    found = _candidates(arm, name, at, actor.frames(name).grasps, options)
+    checks = {jaws: _checks(arm, name, jaws) for jaws in GRASP.openings}
+    return GraspChoice(arm, name, actor.collision(name), found, checks, options.goals)
+
+
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
-    """Choose and plan a grasp of body `name` where it stands.
+    """Choose and plan a grasp of body `name` where it stands, with jaws opened less wide only where they must be.
 
     Raises PlanFailure with reason no_grasp, grasp_unreachable or grasp_blocked.
     """
@@ -110,54 +176,43 @@ def can_take_over(actor: Actor, side: str, giver: str, q: Floats, options: Grasp
 
 def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOptions) -> GraspPlan:
     """A grasp of body `name` at the pose `body` (7,) in the scene of `arm`; see `plan_grasp`."""
-    side = arm.side
-    found = _candidates(arm, name, body, actor.frames(name).grasps, options)
-    checks = _checks(arm, name)
-    blocked = "grasp_unreachable"
+    search = search_of(actor, arm, name, body, options)
+    found, lines = search.found, search.lines()
     tries = GRASP.tries
-    spare = list[tuple[int, Floats]]()
+    spare = list[tuple[int, Floats, float]]()
 
-    def preferred() -> Iterator[tuple[int, Floats]]:
-        """Candidates that can be taken, cheapest first, with the line in. `spare` keeps those that pass too near to other bodies or
-        from which no goal is sure to be reached."""
-        nonlocal blocked
-        for i in found.order:
-            line = arm.line(found.q[i], found.tcp[i])
-            if line is None or arm.line(line[-1], lifted(found.tcp[i], GRASP.lift)) is None:
-                continue
-            blocked = "grasp_blocked"
-            if not (checks.closing(line) and checks.standing(found.q[i])):
-                continue
-            held = Carried(side, actor.collision(name), inverse(found.local[i]))
-            jaws = min(1.0, found.grasps[i // 2].width / found.opening)
-            if (
-                len(spare) < tries
-                and checks.passing(line)
-                and all(_leads_to(arm, name, held, line[-1], jaws, np.asarray(goal)) for goal in options.goals)
-            ):
-                yield i, line
-            else:
-                spare.append((i, line))
+    def preferred() -> Iterator[tuple[int, Floats, float]]:
+        """Candidates that can be taken, cheapest first, with the line in and the gripper value. `spare` keeps those that pass too
+        near to other bodies or from which no goal is sure to be reached."""
+        for jaws in GRASP.openings:
+            for i, line in lines.items():
+                if not search.free(i, line, jaws):
+                    continue
+                if len(spare) < tries and search.leads_on(i, line, jaws):
+                    yield i, line, jaws
+                else:
+                    spare.append((i, line, jaws))
 
-    for i, line in chain(preferred(), spare):
+    for i, line, jaws in chain(preferred(), spare):
         tries -= 1
         try:
-            return GraspPlan(found.grasps[i // 2], found.tcp[i], arm.free_trajectory(found.q[i], checks.standing), line)
+            to_standoff = arm.free_trajectory(found.q[i], search.checks[jaws].standing)
         except PlanFailure:
             if tries <= 0:
                 break
-    raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {side} arm without touching something")
+        else:
+            return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, line)
+    blocked = "grasp_blocked" if lines else "grasp_unreachable"
+    raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {arm.side} arm without touching something")
 
 
 def _candidates(arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Grasp], options: GraspOptions) -> _Candidates:
     """All grasps of a body that fit between the jaws. Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable")."""
-    opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
-    grasps = [g for g in annotated if g.width <= opening and (options.kinds is None or g.kind in options.kinds)]
-    if not grasps:
-        raise PlanFailure("no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m")
-    local = np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))])
+    grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
     q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))
+    if short := np.flatnonzero(~ok).tolist():
+        q[short], ok[short] = arm.solve(np.stack([backed_off(tcp[i], GRASP.short_share * options.standoff) for i in short]))
     for goal in options.goals:
         ok &= _reaches_one(arm, local, np.asarray(goal), ok)
     if not ok.any():
@@ -166,17 +221,37 @@ def _candidates(arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Gras
     pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
     room = np.minimum(limit_margin(arm.chain, q), GRASP.limit_margin)
     cost = np.linalg.norm(q - arm.q, axis=1) - GRASP.limit_weight * room
+    cost += GRASP.lever_weight * np.linalg.norm(tcp[:, :2] - body[:2], axis=1)
     cost = np.where(ok, cost + GRASP.pitch_weight * np.abs(pitch - options.pitch), np.inf)
     order = np.argsort(cost, kind="stable")[: int(ok.sum())]
     return _Candidates(grasps, local, tcp, q, order.tolist(), opening)
 
 
-def _checks(arm: ArmPlanner, name: str) -> _Checks:
+def leading_grasps(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]) -> Floats:
+    """Tcp poses (N,7) in the frame of body `name` with which the hand reaches a pose of every entry of `goals`."""
+    local = _fitting(arm, name, annotated, GraspOptions())[1]
+    ok = np.ones(len(local), bool)
+    for goal in goals:
+        ok &= _reaches_one(arm, local, np.asarray(goal), ok)
+    return local[ok]
+
+
+def _fitting(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: GraspOptions) -> tuple[list[Grasp], Floats, float]:
+    """Grasps (N/2) of a body that fit between the jaws, their tcp poses (N,7), each with both senses of the jaws, and the largest
+    width (m) that fits. Raises PlanFailure("no_grasp")."""
+    opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
+    grasps = [g for g in annotated if g.width <= opening and (options.kinds is None or g.kind in options.kinds)]
+    if not grasps:
+        raise PlanFailure("no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m")
+    return grasps, np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))]), opening
+
+
+def _checks(arm: ArmPlanner, name: str, jaws: float) -> _Checks:
     near = [(arm.side, other) for other in ("table", name) if other == "table" or other in arm.scene.obstacles]
     return _Checks(
-        closing=arm.checker(jaws=1.0, margin=MARGINS.contact),
-        standing=arm.checker(jaws=1.0),
-        passing=arm.checker(near, jaws=1.0, margin=GRASP.passing),
+        closing=arm.checker(jaws=jaws, margin=MARGINS.contact),
+        standing=arm.checker(jaws=jaws),
+        passing=arm.checker(near, jaws=jaws, margin=GRASP.passing),
     )
 
 

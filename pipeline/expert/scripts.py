@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat
+from pipeline.expert.regrasping import place_or_regrasp, regrasp
+from pipeline.expert.skills import grasp, lift, open_, resting_poses, retreat
 from pipeline.poses import Pose
 
 
@@ -20,10 +21,13 @@ def set_down_on(
     opening: float | None = None,
 ) -> Iterator[Skill]:
     """Grasp body `name` so that it can go where it is to go, lift it by `up` m, and set it down with its frame `point` on `onto`
-    (7,), turned by one of `yaws`. `above` and `opening` are those of `place`."""
-    yield grasp(side, name, goals=[list(resting_poses(a.frames(name)[point], onto, yaws))])
+    (7,), turned by one of `yaws`. `above` and `opening` are those of `place`. Where no one grasp can do that, the body is set down
+    in between and taken anew."""
+    goals = [list(resting_poses(a.frames(name)[point], onto, yaws))]
+    yield from regrasp(a, side, name, goals)
+    yield grasp(side, name, goals=goals)
     yield lift(side, up)
-    yield place(side, point, onto, yaws=yaws, above=above, opening=opening)
+    yield place_or_regrasp(side, point, onto, yaws=yaws, above=above, opening=opening)
 
 
 def let_go(side: str) -> Iterator[Skill]:

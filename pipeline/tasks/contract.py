@@ -22,6 +22,7 @@ from pipeline.tasks.language import read_templates
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.footprints import apart, outline_of
 from pipeline.world.objects.contract import FAMILIES, Family, Slide
 
 INTERCEPTION: Final = "interception"
@@ -30,7 +31,7 @@ TRACKING: Final = "tracking"
 
 @dataclass(frozen=True)
 class Region:
-    """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 at least.
+    """Where a body's origin may stand on the table (m), its yaw (rad), how far from x = 0 and from the world's origin at least.
 
     `z` (m) is the height of what it stands on: 0 for a bin on the floor beside the table.
     """
@@ -39,6 +40,7 @@ class Region:
     y: tuple[float, float]
     yaw: tuple[float, float] = (0.0, 0.0)
     away_from_centre: float = 0.0
+    away_from_origin: float = 0.0
     z: float = TABLE_TOP
 
 
@@ -235,32 +237,14 @@ def _free_pose(
         pose = _drawn_pose(p.region, rng)
         if in_view is not None and not in_view(middle(pose, p.instance)):
             continue
-        if abs(pose[0]) >= p.region.away_from_centre and all(_far_enough(p, pose, box, other) for other in others):
+        if abs(pose[0]) < p.region.away_from_centre or np.hypot(*pose[:2]) < p.region.away_from_origin:
+            continue
+        if all(_far_enough(p, (pose, box), other) for other in others):
             return pose
     return None
 
 
-def _far_enough(p: Placement, pose: np.ndarray, box: np.ndarray, other: Body) -> bool:
-    """Whether a body at `pose`, with the bounds `box` (2,3), keeps its gap and its least distance from another one."""
-    distance = float(np.hypot(*(pose[:2] - other.pose[:2])))
-    return distance >= p.distances.get(other.name, 0.0) and _apart(pose, box, other, p.gap)
-
-
-def _apart(pose: np.ndarray, box: np.ndarray, other: Body, gap: float) -> bool:
-    """Whether two upright boxes, seen from above, are at least `gap` apart (separating axes of both rectangles)."""
-    a, b = _rectangle(pose, box), _rectangle(other.pose, other.instance.shape().aabb())
-    for corners in (a, b):
-        for edge in (corners[1] - corners[0], corners[2] - corners[1]):
-            axis = edge / np.linalg.norm(edge)
-            pa, pb = a @ axis, b @ axis
-            if pa.min() - pb.max() >= gap or pb.min() - pa.max() >= gap:
-                return True
-    return False
-
-
-def _rectangle(pose: np.ndarray, box: np.ndarray) -> np.ndarray:
-    yaw = 2 * np.arctan2(pose[6], pose[3])
-    c, s = np.cos(yaw), np.sin(yaw)
-    (x0, y0, _), (x1, y1, _) = box
-    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    return corners @ np.array([[c, s], [-s, c]]) + pose[:2]
+def _far_enough(p: Placement, outline: tuple[np.ndarray, np.ndarray], other: Body) -> bool:
+    """Whether a body with this outline keeps its gap and its least distance from another one."""
+    distance = float(np.hypot(*(outline[0][:2] - other.pose[:2])))
+    return distance >= p.distances.get(other.name, 0.0) and apart(outline, outline_of(other), p.gap)

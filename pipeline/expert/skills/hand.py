@@ -1,6 +1,7 @@
 """The gripper: close, open, grasp. Opening lets go of whatever was held."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,7 +64,9 @@ def grasp(
         if a.gripper(side) < GRASP.open:
             yield jaws(a, side, 1.0, hold=0.0)
         plan = plan_grasp(a, side, name, GraspOptions(kinds, goals, standoff, pitch))
-        yield {side: plan.to_standoff}
+        if plan.jaws < a.gripper(side):
+            yield jaws(a, side, plan.jaws, hold=0.0)
+        yield {side: replace(plan.to_standoff, gripper=np.full(len(plan.to_standoff.q), plan.jaws))}
         yield {side: a.arm_planner(side).timed(plan.line, minimum=standoff / SPEEDS.approach)}
         a.held[side] = name
         yield jaws(a, side, 0.0)

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import ClassVar
 
+import numpy as np
+
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
 from pipeline.motion.workspace import Workspace
@@ -18,6 +20,7 @@ KINDS = (
     "coffee_box", "soap",
 )  # fmt: skip
 DISTANCE = 0.13
+NEAR = 0.19  # m; A nearer to B than this must not stand on the side it shall come to
 
 
 class PlaceBeside(Task):
@@ -32,15 +35,23 @@ class PlaceBeside(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        near = draw.uniform(-0.20, -0.10)
-        far = draw.uniform(near + 0.10, 0.0)
-        ys = (near, far) if draw.side() > 0 else (far, near)
-        # B stands where its free side is in reach of the arm beside A: in the middle, or on A's half beyond the goal
-        x = (-0.10, 0.10) if side == self.direction else (side * 0.18, side * 0.23)
         b = draw.one_of(*KINDS)
         a = draw.one_of(*(kind for kind in KINDS if FAMILIES[kind] is not type(b)))
-        yield Placement("b", b, Region(x=x, y=(ys[1], ys[1]), yaw=(-3.14, 3.14)))
-        yield Placement("a", a, Region(x=(side * 0.03, side * 0.22), y=(ys[0], ys[0]), yaw=(-3.14, 3.14)))
+        (ax, ay), (bx, by) = self._places(draw, side)
+        yield Placement("b", b, Region(x=(bx, bx), y=(by, by), yaw=(-3.14, 3.14)))
+        yield Placement("a", a, Region(x=(ax, ax), y=(ay, ay), yaw=(-3.14, 3.14)))
+
+    def _places(self, draw: Draw, side: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Positions of A, on the half `side`, and B: 10 cm apart in y at least, A not about to be where it shall go already."""
+        # B stands where its free side is in reach of the arm beside A: in the middle, or on A's half beyond the goal
+        xs = (-0.10, 0.10) if side == self.direction else (side * 0.18, side * 0.23)
+        while True:
+            near = draw.uniform(-0.20, -0.10)
+            far = draw.uniform(near + 0.10, 0.0)
+            ys = (near, far) if draw.side() > 0 else (far, near)
+            a, b = (side * draw.uniform(0.0, 0.22), ys[0]), (draw.uniform(min(xs), max(xs)), ys[1])
+            if self.direction * (a[0] - b[0]) < 0 or float(np.hypot(a[0] - b[0], a[1] - b[1])) > NEAR:
+                return a, b
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["a"])}

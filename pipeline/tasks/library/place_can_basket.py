@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, home, lift, open_, place, resting_poses, together
+from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
@@ -24,11 +25,12 @@ class PlaceCanBasket(Task):
     target = "can"
     limits = by_name(rise=Limit(0.02), tilt=Limit(1.047, unit="rad"), plane=Limit(0.10), sum=Limit(0.15), lift=Limit(0.03))
     own_conditions = ("basket_held",)
+    workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05)))
-        yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(-0.05, 0.10), yaw=(-3.14, 3.14)))
+        yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         arm = side_of(bodies["can"])

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
@@ -26,9 +28,11 @@ class PlaceObjectStand(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        item = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
-        yield Placement("object", item, Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-1.05, 1.05)))
-        yield Placement("stand", draw.one_of("display_stand"), Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-0.52, 0.52)))
+        kind = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
+        item = Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-np.pi / 3, np.pi / 3))
+        yield Placement("object", kind, item)
+        stand = Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-np.pi / 6, np.pi / 6))
+        yield Placement("stand", draw.one_of("display_stand"), stand)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["object"])}

@@ -18,8 +18,8 @@ class StampSeal(Task):
     Success: face of the stamp within 1 cm (per axis) of the pad's centre and 1 cm (height), upright, resting on it after having
     been lifted 3 cm, both grippers measured open: the original's static tolerance and pad (7 cm), where its dynamic version allows
     a distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees count the turn about the vertical too, which makes no
-    difference to a stamp; here they are the tilt. Both stand on the same side, as in its static version, so that one arm reaches
-    both.
+    difference to a stamp; here they are the tilt. As in its dynamic version the stamp stands in the middle of the table and the
+    pad on either side, which chooses the arm.
     """
 
     category = TRACKING
@@ -30,13 +30,12 @@ class StampSeal(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        stamp = Region(x=(side * 0.05, side * 0.25), y=(-0.05, 0.05), yaw=(-3.14, 3.14))
-        yield Placement("stamp", draw.one_of("seal"), stamp)
+        yield Placement("stamp", draw.one_of("seal"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14)))
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
-        yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.15, 0.10)), gap=0.03)
+        yield Placement("pad", pad, Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10), gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        return {"arm": side_of(bodies["stamp"])}
+        return {"arm": side_of(bodies["pad"])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         return set_down_on(a, a.arms["arm"], "stamp", a.frame("pad", "centre"), ROUND, up=0.06)

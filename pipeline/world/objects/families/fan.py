@@ -10,7 +10,7 @@ from pipeline.world.materials import plastic
 from pipeline.world.objects.colliders import ALONG_Y, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, sweep
-from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.grasping import TILTED, box_pinches
 from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
 from pipeline.world.objects.surface import join
 from pipeline.world.objects.words import describe
@@ -81,7 +81,8 @@ class Fan(Family):
             self.radius,
             (0, 0, z),
             heights=(2 * self.radius - 0.02, 2 * self.radius - 0.03),
-            offsets=(0.0,),
+            pitches=(15, *TILTED),
+            offsets=(-0.4, 0.0, 0.4),
             axes="y",
         )
         return NamedFrames(

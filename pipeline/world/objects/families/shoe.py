@@ -137,7 +137,7 @@ class Shoe(Family):
         top = self.height
         grasps = [
             g
-            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.42, (0.0,)))
+            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.45, (-0.4, 0.0, 0.4)))  # the centre of mass is at 0.45
             for g in box_pinches(
                 0.1 * self.length,
                 self.half * 0.97 * float(np.interp(share, STATIONS, WIDTHS)),

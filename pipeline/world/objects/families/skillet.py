@@ -20,6 +20,14 @@ WALL = 0.004
 LEAN = 0.2  # rad the handle rises
 HALF_DEEP = 0.013  # m, half the height of the handle: fingers hold a deep one level
 
+GRIPS = (
+    ("handle", 0.0, (-60, -45, -30, -15)),
+    ("handle_aside", 0.0, (0, 15, 30)),
+    ("handle_aside", 0.5, (-45, -30, -15, 0, 15)),
+    ("handle_aside", -0.5, (-45, -30, -15, 0, 15)),
+)
+"""Kind of grasp, roll (rad) about the handle and leans (degrees) along it. Those aside fit where the pan is near the robot."""
+
 
 @register("skillet")
 @dataclass(frozen=True)
@@ -76,8 +84,11 @@ class Skillet(Family):
         floor, axis = mark(0, 0, WALL), self.along(1) - self.along(0)
         grips = [
             g
+            for kind, roll, leans in GRIPS
             for share in (0.4, 0.5, 0.62)
-            for g in handle_pinches(self.along(share), axis, (0, 0, 1), 2 * self.grip, (-60, -45, -30, -15))
+            for g in handle_pinches(
+                self.along(share), axis, (np.sin(roll), 0, np.cos(roll)), 2 * self.grip / np.cos(roll), leans, kind
+            )
         ]
         return NamedFrames(
             {

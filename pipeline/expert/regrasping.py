@@ -1,0 +1,120 @@
+"""Set a body down in between and take it anew, where no one grasp leads from where it stands to where it is to go."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.budgets import GRASP, PLACE, SEAT
+from pipeline.expert.grasping import GraspOptions, leading_grasps, search_of
+from pipeline.expert.skills import grasp, in_turn, lift, open_, place, resting_poses, retreat
+from pipeline.planning.failure import PlanFailure
+from pipeline.planning.planner import ArmPlanner
+from pipeline.planning.scene import Obstacle
+from pipeline.poses import Pose, compose, inverse, yawed
+from pipeline.world.body import TABLE_TOP
+from pipeline.world.footprints import apart
+
+Floats = NDArray[np.float64]
+Goals = Sequence[Sequence[Pose]]
+"""Those of GraspOptions: lists of poses (7,) of the body, of each of which one must be reached."""
+
+
+def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Iterator[Skill]:
+    """Skills that set body `name` down where a grasp leads to the goals, and let go of it.
+
+    None where a grasp of the body as it stands leads there, nor where no such place is found.
+    """
+    if promising(a, a.arm_planner(side), name, a.pose(name), goals):
+        return
+    seats = find_seats(a, side, name, goals)
+    if len(seats) > 0:
+        yield grasp(side, name, goals=[list(seats)])
+        yield lift(side, SEAT.above)
+        yield from _seat(a, side, name, seats)
+
+
+def place_or_regrasp(
+    side: str, point: str, onto: Pose, *, yaws: Sequence[float] = (0.0,), above: float = PLACE.above, opening: float | None = None
+) -> Skill:
+    """Like `place`; where that cannot be done with the grasp as it turned out, the body is set down and taken anew first, once."""
+    placing = place(side, point, onto, yaws=yaws, above=above, opening=opening)
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        try:
+            yield from placing(a)
+        except PlanFailure as failure:
+            name = a.held[side]
+            goals = [list(resting_poses(a.frames(name)[point], onto, yaws))]
+            seats = find_seats(a, side, name, goals)
+            if len(seats) == 0:
+                raise failure from None
+            taken = (grasp(side, name, goals=goals), lift(side, GRASP.lift))
+            yield from in_turn(*_seat(a, side, name, seats), *taken, placing)(a)
+
+    return act
+
+
+def _seat(a: Actor, side: str, name: str, seats: Floats) -> Iterator[Skill]:
+    """Skills that set the held body down on one of `seats` (N,7) and let go of it."""
+    yield place(side, "base", compose(seats, a.frames(name)["base"][None]), above=SEAT.above)
+    yield open_(side)
+    yield retreat(side, SEAT.retreat)
+
+
+def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> bool:
+    """Whether a grasp of body `name` at the world pose `at` leads to the goals, touching nothing."""
+    try:
+        return search_of(a, arm, name, at, GraspOptions(goals=goals)).promising()
+    except PlanFailure:
+        return False
+
+
+def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
+    """Poses (N,7) at which body `name` can be set down, with one grasp or as it is held, and be taken with one that leads on."""
+    arm, start = a.arm_planner(side), a.pose(name)
+    held = side in a.held
+    try:
+        into = inverse(a.in_hand(side))[None] if held else _at_hand(a, arm, name)
+        out = leading_grasps(arm, name, a.frames(name).grasps, goals)
+    except PlanFailure:
+        return np.zeros((0, 7))
+    seats = _free_places(a, side, name)
+    counts = np.minimum(_reached(arm, seats, into) * (len(out) if held else 1), _reached(arm, seats, out))
+    chosen = list[Pose]()
+    for k in np.argsort(-counts, kind="stable")[: SEAT.tries]:
+        if counts[k] == 0 or len(chosen) == SEAT.wanted:
+            break
+        obstacles = {**arm.scene.obstacles, name: Obstacle(a.collision(name), seats[k])}
+        carried = {n: c for n, c in arm.scene.carried.items() if n != name}
+        seated = arm.within(replace(arm.scene, obstacles=obstacles, carried=carried))
+        if promising(a, seated, name, seats[k], goals) and (held or promising(a, arm, name, start, [[seats[k]]])):
+            chosen.append(seats[k])
+    return np.array(chosen).reshape(-1, 7)
+
+
+def _at_hand(a: Actor, arm: ArmPlanner, name: str) -> Floats:
+    """Tcp poses (N,7), in its own frame, in which the body can be grasped as it stands."""
+    found = search_of(a, arm, name, a.pose(name), GraspOptions()).found
+    return found.local[found.order]
+
+
+def _free_places(a: Actor, side: str, name: str) -> Floats:
+    """Upright poses (N,7) on the table, on the side of the arm, at which body `name` has room."""
+    sign = 1 if side == "right" else -1
+    turns = 2 * np.pi / SEAT.turns * np.arange(SEAT.turns)
+    box = a.bodies[name].instance.shape().aabb()
+    others = [(a.pose(n), b.instance.shape().aabb()) for n, b in a.bodies.items() if n != name and not b.rides]
+    places = [yawed((sign * x, y, TABLE_TOP), turn) for x in SEAT.xs for y in SEAT.ys for turn in turns]
+    return np.array([p for p in places if all(apart((p, box), other, SEAT.gap) for other in others)]).reshape(-1, 7)
+
+
+def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
+    """How many of the tcp poses `local` (N,7) in the frame of a body are in reach, for each of its poses `bodies` (B,7).
+
+    At most SEAT.grasps of them are tried, evenly chosen.
+    """
+    some = local[:: max(1, len(local) // SEAT.grasps)]
+    return np.array([int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies], dtype=np.int64)

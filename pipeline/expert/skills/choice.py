@@ -1,0 +1,37 @@
+"""Alternatives, and several skills as one."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.planning.failure import PlanFailure
+
+
+def first_of(*skills: Skill) -> Skill:
+    """The first of the skills that can be planned from the present state. Raises the last one's PlanFailure where none can.
+
+    A skill that fails after its first motion step is not replaced by the next one.
+    """
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        for skill in skills[:-1]:
+            steps = skill(a)
+            try:
+                first = next(steps)
+            except (PlanFailure, StopIteration):
+                continue
+            yield first
+            yield from steps
+            return
+        yield from skills[-1](a)
+
+    return act
+
+
+def in_turn(*skills: Skill) -> Skill:
+    """The skills one after the other as one skill, so that the meeting may fall into any of them."""
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        for skill in skills:
+            yield from skill(a)
+
+    return act
