@@ -45,7 +45,8 @@ REGIONS: dict[str, dict[str, Original]] = {
     },
     "place_bread_skillet": {
         "bread": Original((0.2, 0.28), (-0.2, 0.05), PI / 4, "bread"),
-        "skillet": Original((-0.25, -0.15), (-0.2, 0.05), PI / 6, "bread"),
+        # y from -0.2 in the original; nearer than -0.12 our handle would reach over the edge of the table
+        "skillet": Original((-0.25, -0.15), (-0.12, 0.05), PI / 6, "bread"),
     },
     "place_can_basket": {
         "basket": Original((-0.02, 0.02), (-0.08, -0.05)),

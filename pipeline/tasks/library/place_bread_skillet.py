@@ -23,7 +23,8 @@ class PlaceBreadSkillet(Task):
     Success: bread within 3.5 cm (plane, per axis: the original's static tolerance; its dynamic one is 10 cm) of the middle of the
     pan, resting on it with no gripper at the bread, which was lifted 3 cm, the skillet held by its arm and both 2 cm or more above
     where they lay (1 cm in its dynamic version). Bread lies turned by up to 45 degrees, as in the original's static version; in its
-    dynamic one it is not turned.
+    dynamic one it is not turned. The original's skillet lies as near as y = -0.20; ours stays beyond -0.12, since nearer
+    its handle would reach over the edge of the table.
     """
 
     category = INTERCEPTION
@@ -34,7 +35,7 @@ class PlaceBreadSkillet(Task):
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
-        skillet = Region(x=(side * 0.15, side * 0.25), y=(-0.20, 0.05), yaw=(-np.pi / 6, np.pi / 6))
+        skillet = Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-np.pi / 6, np.pi / 6))
         yield Placement("skillet", draw.one_of("skillet"), skillet)
         bread = Region(x=(side * -0.28, side * -0.20), y=(-0.20, 0.05), yaw=(-np.pi / 4, np.pi / 4))
         yield Placement("bread", draw.one_of("bread"), bread)
