@@ -75,13 +75,16 @@ def fill(job: tuple[Recipe, Slot]) -> list[Try]:
 
 
 def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int) -> list[Try]:
-    """All slots in fresh processes; a bar shows how far and how well it goes."""
+    """All slots in fresh processes; a bar shows how far and how well it goes. Ctrl-C ends it with what is finished."""
     tries = list[Try]()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(jobs), unit="slot") as bar:
-        for found in pool.map(fill, jobs, chunksize=1):
-            tries += found
-            bar.update()
-            bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.1%} of {len(tries)} attempts accepted")
+        try:
+            for found in pool.map(fill, jobs, chunksize=1):
+                tries += found
+                bar.update()
+                bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.1%} of {len(tries)} attempts accepted")
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
     return tries
 
 
