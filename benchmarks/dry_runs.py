@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from tqdm import tqdm
 
 from benchmarks.hardware import hardware
 from pipeline.data.recipe import Recipe
+from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.intervals import wilson
 from pipeline.stages.dry_run import dry_run
@@ -37,21 +39,21 @@ class Run:
     seconds: float
 
 
-def one(spec: EpisodeSpec) -> Run:
+def one(spec: EpisodeSpec, rules: Rules) -> Run:
     """Lay out the scene of a spec and run the expert in it."""
     began, failure = time.process_time(), ""
     try:
-        dry_run(build_scene(spec), Recipe().fps)
+        dry_run(build_scene(spec, rules), Recipe().fps)
     except Failure as found:
         failure = str(found)
     return Run(spec, failure, time.process_time() - began)
 
 
-def run(specs: Sequence[EpisodeSpec], workers: int) -> list[Run]:
+def run(specs: Sequence[EpisodeSpec], rules: Rules, workers: int) -> list[Run]:
     """All specs in fresh processes; a bar shows how far and how well it goes."""
     runs = list[Run]()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(specs), unit="run") as bar:
-        for r in pool.map(one, specs, chunksize=1):
+        for r in pool.map(partial(one, rules=rules), specs, chunksize=1):
             runs.append(r)
             bar.update()
             bar.set_postfix_str(f"{np.mean([not x.failure for x in runs]):.0%} accepted")
@@ -115,6 +117,7 @@ def main() -> None:
     parser.add_argument("--tasks", default="all", help="names, separated by commas")
     parser.add_argument("--robots", default="all", help="names, separated by commas")
     parser.add_argument("--layouts", type=int, default=20, help="layouts for each task and robot")
+    parser.add_argument("--layout", default="ours", choices=("ours", "original"), help="where the robots' bases stand")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="also write the tables here")
@@ -127,8 +130,8 @@ def main() -> None:
         for robot in robots
         for seed in range(args.first_seed, args.first_seed + args.layouts)
     ]
-    runs = run(specs, args.workers)
-    what = f"{len(runs)} static dry runs, {args.layouts} layouts a pair, seeds from {args.first_seed}"
+    runs = run(specs, Rules(layout=args.layout), args.workers)
+    what = f"{len(runs)} static dry runs, {args.layouts} layouts a pair, seeds from {args.first_seed}, layout {args.layout}"
     head = f"{what}, {_mean_seconds(runs)} s of processor time each."
     text = "\n\n".join([head, hardware(), rates(runs, robots), lowest(runs), failures(runs)])
     print(text)

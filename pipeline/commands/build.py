@@ -17,6 +17,7 @@ from pipeline.commands.common import (
     Embodiment,
     Episodes,
     Executor,
+    Layout,
     Levels,
     Manifest,
     Render,
@@ -47,6 +48,7 @@ def build(
     render: Render = None,
     rules: Rules = None,
     contact: Contact = None,
+    layout: Layout = None,
     assets: Assets = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -77,6 +79,7 @@ def build(
         render=render,
         rules=rules,
         contact=contact,
+        layout=layout,
     )
     pool = pool_of(executor, workers, address)
     if slot_timeout <= 0:
@@ -110,6 +113,7 @@ def plan(
     render: Render = None,
     rules: Rules = None,
     contact: Contact = None,
+    layout: Layout = None,
     assets: Assets = None,
     workers: Workers = None,
     out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
@@ -132,6 +136,7 @@ def plan(
         render=render,
         rules=rules,
         contact=contact,
+        layout=layout,
     )
     _, count = executor_of("ray", workers)
     values = run_plan(recipe, Dataset(out) if out else None, count)

@@ -47,6 +47,9 @@ Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.")]
 Attempts = Annotated[int | None, typer.Option(help="Seeds tried for one slot before it is given up.")]
 Rules = Annotated[str | None, typer.Option(help="strict (ours), or domino: sizes, tolerances and conditions of the original.")]
 Contact = Annotated[str | None, typer.Option(help="What the first touch does to the target of a tracking task: stop or continue.")]
+Layout = Annotated[
+    str | None, typer.Option(help="Where the robots' bases stand: ours, or original (those of the original system).")
+]
 Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.")]
 Assets = Annotated[
     Path | None, typer.Option(help="Draw robots with the vendor meshes kept here (`assets add-robot-meshes`), where there are any.")

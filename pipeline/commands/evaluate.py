@@ -15,6 +15,7 @@ from pipeline.commands.common import (
     Domains,
     Embodiment,
     Executor,
+    Layout,
     Levels,
     Rules,
     Tasks,
@@ -48,6 +49,7 @@ def evaluate(
     ] = None,
     rules: Rules = None,
     contact: Contact = None,
+    layout: Layout = None,
     cameras: Annotated[str | None, typer.Option(help="Cameras the policy sees: head_camera, left_camera, right_camera.")] = None,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="The clutter penalty counts for every distractor, as in the original.")] = False,
@@ -83,6 +85,7 @@ def evaluate(
         alpha=alpha,
         rules=rules,
         contact=contact,
+        layout=layout,
     )
     wanted = Evaluation(
         cells=tuple(recipe.cells()),

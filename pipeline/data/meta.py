@@ -99,9 +99,9 @@ class EpisodeMeta(_Record):
     `target` is the body that moves on its own until the meeting, `manipulated` the one the arms handle, `arms` maps roles to sides,
     `clutter` lists the distractors (described in `objects`, too). `table_drop` (m): how much higher than in the clean domain robot
     and head camera are, the table top staying where it is. `meeting_time` (s) is the planned meeting; speeds (m/s) and
-    `displacement` (m) are those of the target's motion (motion/target_motion.py, Features). `rules` and `contact` say how the
-    episode was judged and what the first touch did (data/rules.py), `physics_hz` how fast physics ran, `step_limit` how many
-    control periods the task allows, `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.
+    `displacement` (m) are those of the target's motion (motion/target_motion.py, Features). `rules`, `contact` and `layout` say how
+    the episode was judged, what the first touch did and where the bases stood (data/rules.py), `physics_hz` how fast physics ran,
+    `step_limit` how many control periods the task allows, `workspace` (x_min, x_max, y_min, y_max; m) where the target may move.
 
     `physics_key` and `render_key` name what the episode was made from (run/keys.py). `physics_id` is the same for all episodes
     that show the same physics (data/physics_id.py), which no split may separate; `variant` numbers their looks.
@@ -122,6 +122,7 @@ class EpisodeMeta(_Record):
     displacement: float = 0.0
     rules: str = "strict"
     contact: str = "stop"
+    layout: str = "ours"
     physics_hz: Annotated[int, Field(gt=0)] = PHYSICS_HZ
     step_limit: int = 0
     workspace: tuple[float, float, float, float] | None = None

@@ -13,7 +13,7 @@ from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
 from pipeline.data.meta import NamedCamera
 from pipeline.data.names import CAMERAS, MOUNTED, is_embodiment, is_name
-from pipeline.data.rules import Contact, Rules, RuleSet
+from pipeline.data.rules import Contact, Layout, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 DEFAULT_ALPHA = 0.1
@@ -94,6 +94,8 @@ class Recipe(BaseModel):
     rules: RuleSet = "strict"
     contact: Contact | None = None
     """What the first touch does to the target of a tracking task, where it is not what the rules say."""
+    layout: Layout = "ours"
+    """Where the robots' bases stand: at our places, or at those of the original system."""
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
     robot_meshes: Mapping[str, str] = Field(default_factory=dict)
     """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot."""
@@ -141,7 +143,7 @@ class Recipe(BaseModel):
 
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
-        return Rules(self.rules, self.contact)
+        return Rules(self.rules, self.contact, self.layout)
 
     def cells(self) -> list[Cell]:
         """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""

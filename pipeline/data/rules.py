@@ -1,12 +1,13 @@
 """By which rules an episode is made and judged: ours, or those of the benchmark DOMINO."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast, get_args
 
-from pipeline.data.meta import Category
+from pipeline.data.meta import Category, EpisodeMeta
 
 RuleSet = Literal["strict", "domino"]
 Contact = Literal["stop", "continue"]
+Layout = Literal["ours", "original"]
 
 
 @dataclass(frozen=True)
@@ -16,10 +17,13 @@ class Rules:
     `contact` says what the first touch does to the target of a tracking task: "stop" ends its own motion (the paper's text),
     "continue" lets it follow its motion through the contact (the original's evaluation). Without it, strict rules stop the target
     and domino rules let it go on. The target of an interception task always stops, since a gripper holds it.
+
+    `layout` says where the robot's bases stand: at our places, or at those of the original system.
     """
 
     name: RuleSet = "strict"
     contact: Contact | None = None
+    layout: Layout = "ours"
 
     def stops(self, category: Category) -> bool:
         """Whether the first touch ends the target's own motion."""
@@ -29,8 +33,16 @@ class Rules:
 
     @property
     def label(self) -> str:
-        """A word for paths and tables: "strict", "domino", "strict-continue" and so on."""
-        return self.name if self.contact is None else f"{self.name}-{self.contact}"
+        """A word for paths and tables: "strict", "domino", "strict-continue", "domino-original" and so on."""
+        return "-".join(word for word in (self.name, self.contact, self.layout if self.layout != "ours" else None) if word)
 
 
 STRICT = Rules()
+
+
+def rules_of(meta: EpisodeMeta) -> Rules:
+    """The rules by which a stored episode was made. Raises ValueError for a header that names rules which do not exist."""
+    for value, known in ((meta.rules, RuleSet), (meta.contact, Contact), (meta.layout, Layout)):
+        if value not in get_args(known):
+            raise ValueError(f"{value!r} is none of {', '.join(get_args(known))}")
+    return Rules(cast(RuleSet, meta.rules), cast(Contact, meta.contact), cast(Layout, meta.layout))

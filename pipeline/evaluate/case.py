@@ -77,7 +77,8 @@ def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
 @lru_cache(maxsize=8)
 def expert(spec: EpisodeSpec, fps: int, rules: Rules = STRICT) -> Rollout:
     """The expert's rollout of a spec; the latest ones are remembered. Raises Failure where it does not solve it."""
-    return attempt(spec, Recipe.model_validate({"fps": fps, "rules": rules.name, "contact": rules.contact}), Phases())
+    given = {"fps": fps, "rules": rules.name, "contact": rules.contact, "layout": rules.layout}
+    return attempt(spec, Recipe.model_validate(given), Phases())
 
 
 def admit(spec: EpisodeSpec, fps: int, rules: Rules = STRICT) -> Case:

@@ -56,6 +56,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         **asdict(rollout.motion.features()),
         rules=scene.rules.name,
         contact="stop" if scene.rules.stops(task.category) else "continue",
+        layout=scene.rules.layout,
         physics_hz=PHYSICS_HZ,
         step_limit=task.step_limit,
         workspace=(task.workspace.x_min, task.workspace.x_max, task.workspace.y_min, task.workspace.y_max),

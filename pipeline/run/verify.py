@@ -16,6 +16,7 @@ from pipeline.data.jpeg import decode_frame
 from pipeline.data.keys import file_hash
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Slot
+from pipeline.data.rules import rules_of
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.registry import UnknownName
 from pipeline.run.state import DONE, OPEN, states
@@ -133,7 +134,7 @@ def check_episode(v: Verification, name: str, file: EpisodeFile) -> None:
         episode.meta.physics_id == physics_id(episode.spec, log), f"{name}: its physics_id is not that of its spec and state log"
     )
     try:
-        scene = build_scene(episode.spec)
+        scene = build_scene(episode.spec, rules_of(episode.meta))
     except UnknownName as unknown:
         v["success"].see(False, f"{name}: cannot be re-evaluated with this version: {unknown}")
         return

@@ -6,6 +6,7 @@ Each draws from its own stream of the spec. The clean domain draws nothing.
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.rules import Layout
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Pose, inverse, transform, yawed
 from pipeline.tasks import middle
@@ -45,9 +46,9 @@ def table_drop(spec: EpisodeSpec) -> float:
     return 0.0 if spec.domain == "clean" else float(spec.rng("table_height").uniform(0.0, TABLE_DROP))
 
 
-def embodiment_of(spec: EpisodeSpec) -> Embodiment:
+def embodiment_of(spec: EpisodeSpec, layout: Layout = "ours") -> Embodiment:
     """The robot of a spec, at its height above the table and with its head camera where it is in this attempt."""
-    embodiment = get_embodiment(spec.embodiment)
+    embodiment = get_embodiment(spec.embodiment, layout)
     if spec.domain == "clean":
         return embodiment
     shift, turn = spec.rng("head_camera").uniform(-1, 1, (2, 3)) * [[CAMERA_SHIFT], [CAMERA_TURN]]

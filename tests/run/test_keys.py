@@ -163,6 +163,7 @@ PHYSICS_KEYS = {
     "speed_bound": "maximum",
     "rules": "domino",
     "contact": "continue",
+    "layout": "original",
 }
 IMAGE_KEYS = {
     "render": "raster-fast",

@@ -3,6 +3,7 @@
 from functools import cache
 
 from pipeline.data.errors import DominoError
+from pipeline.data.rules import Layout
 from pipeline.world.robots import models
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Embodiment
@@ -30,18 +31,19 @@ def canonical_name(name: str) -> str:
     return found[0] if len(set(found)) == 1 else "+".join(found)
 
 
-def get_embodiment(name: str) -> Embodiment:
-    """The embodiment of a name, an alias or a pair "left+right", built once per process.
+def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:
+    """The embodiment of a name, an alias or a pair "left+right", built once per process; its bases at our places, or at those of
+    the original system.
 
     Raises UnknownEmbodiment, and RobotError for a robot whose spec is not sound.
     """
-    return _build(canonical_name(name))
+    return _build(canonical_name(name), layout)
 
 
 @cache
-def _build(name: str) -> Embodiment:
+def _build(name: str, layout: Layout) -> Embodiment:
     left, _, right = name.partition("+")
-    return pair(MODELS[left], MODELS[right or left])
+    return pair(MODELS[left], MODELS[right or left], layout)
 
 
 EMBODIMENTS = MODELS

@@ -31,6 +31,8 @@ from pipeline.world.shapes import Collider
 # benchmarks/base_placement.py, 2026-11-21: 1.00 of the arm's own half at pitch 30-60 degrees, 0.91 or more at 90, no link near
 # the head camera; RoboTwin's (0.4, -0.65, 0.75) reaches 0.86-0.95 and passes that camera within 12 cm in a third of the cells
 PLACE = {"left": (-0.44, -0.5, 0.55), "right": (0.44, -0.5, 0.55)}
+ORIGINAL = {"left": (-0.3, -0.65, 0.75), "right": (0.3, -0.65, 0.75)}  # config.yml of RoboTwin 2.0, arms 0.6 m apart
+FOOT = 0.11  # m, half the edge of the base
 # Franka's ready pose with the hand tilted half a radian forward; RoboTwin's home would put the tool under the table from this base
 HOME = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2 + 0.5, np.pi / 4)
 
@@ -111,7 +113,7 @@ def arm(side: str) -> Arm:
 
 def stand(side: str) -> Stand:
     """The stand under the arm."""
-    return pedestal(PLACE[side], 0.11)
+    return pedestal(PLACE[side], FOOT)
 
 
 @cache
@@ -170,4 +172,4 @@ def _finger(side: float) -> tuple[Collider, ...]:
     return piece(0.0105, 0.008, 0.0265, 0.0, 0.036), piece(0.00875, 0.0, 0.0152, 0.034, PAD_END)
 
 
-register("franka-panda", arm, stand, aliases=("franka", "panda"))
+register("franka-panda", arm, stand, aliases=("franka", "panda"), original=ORIGINAL, foot=FOOT)

@@ -28,6 +28,8 @@ from pipeline.world.shapes import Collider
 # benchmarks/base_placement.py, 2026-11-21: 0.95-1.00 of the arm's own half at pitch 30-60 degrees, 0.60 or more at 90; RoboTwin's
 # (0.3, -0.45, 0.75) reaches 0.72-0.96, and nothing at 90 degrees 15 cm above the table
 PLACE = {"left": (-0.3, -0.36, 0.85), "right": (0.3, -0.36, 0.85)}
+ORIGINAL = {"left": (-0.3, -0.45, 0.75), "right": (0.3, -0.45, 0.75)}  # config.yml of RoboTwin 2.0, arms 0.6 m apart
+FOOT = 0.065  # m, half the edge of the base
 # zero is the parked pose at the ends of joints 2 and 3; home is lifted a little off it
 HOME = (0.0, 0.5, -0.5, 0.0, 0.35, 0.0)
 
@@ -91,7 +93,7 @@ def arm(side: str) -> Arm:
 
 def stand(side: str) -> Stand:
     """The stand under the arm."""
-    return pedestal(PLACE[side], 0.065)
+    return pedestal(PLACE[side], FOOT)
 
 
 @cache
@@ -141,4 +143,4 @@ def _finger(side: float) -> tuple[Collider, ...]:
     return piece(0.02, 0.0655, 0.084, 0.0245), piece(0.011, 0.084, FINGER_END, 0.012)
 
 
-register("piper", arm, stand, aliases=("agilex-piper",))
+register("piper", arm, stand, aliases=("agilex-piper",), original=ORIGINAL, foot=FOOT)
