@@ -9,15 +9,19 @@ from pipeline.stages.scene import build_scene
 from pipeline.world.robots import EMBODIMENTS, get_embodiment
 from pipeline.world.robots.contract import SIDES
 
-PLACES = {"piper": (-0.45, 0.75), "ur5-wsg": (-0.65, 0.75), "franka-panda": (-0.65, 0.75), "arx-x5": (-0.35, 0.784)}
-"""y and z (m) of both bases in RoboTwin 2.0, which stand at x -0.3 and 0.3."""
+PLACES = {
+    **{"piper": (0.3, -0.45, 0.75), "ur5-wsg": (0.4, -0.65, 0.75)},
+    **{"franka-panda": (0.4, -0.65, 0.75), "arx-x5": (0.3, -0.35, 0.784)},
+}
+"""The right base (m) in RoboTwin 2.0; the left one mirrors it."""
 
 
 @pytest.mark.parametrize("name", PLACES)
 def test_bases_stand_where_the_original_has_them_and_are_turned_as_ours(name):
     ours, theirs = get_embodiment(name), get_embodiment(name, "original")
-    for side, x in zip(SIDES, (-0.3, 0.3), strict=True):
-        np.testing.assert_allclose(theirs.arms[side].base[:3], (x, *PLACES[name]))
+    x, y, z = PLACES[name]
+    for side, sign in zip(SIDES, (-1, 1), strict=True):
+        np.testing.assert_allclose(theirs.arms[side].base[:3], (sign * x, y, z))
         np.testing.assert_array_equal(theirs.arms[side].base[3:], ours.arms[side].base[3:])
         assert theirs.arms[side].links == ours.arms[side].links
 

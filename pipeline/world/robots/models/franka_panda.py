@@ -31,7 +31,10 @@ from pipeline.world.shapes import Collider
 # benchmarks/base_placement.py, 2026-11-21: 1.00 of the arm's own half at pitch 30-60 degrees, 0.91 or more at 90, no link near
 # the head camera; RoboTwin's (0.4, -0.65, 0.75) reaches 0.86-0.95 and passes that camera within 12 cm in a third of the cells
 PLACE = {"left": (-0.44, -0.5, 0.55), "right": (0.44, -0.5, 0.55)}
-ORIGINAL = {"left": (-0.3, -0.65, 0.75), "right": (0.3, -0.65, 0.75)}  # config.yml of RoboTwin 2.0, arms 0.6 m apart
+ORIGINAL = {
+    "left": (-0.4, -0.65, 0.75),
+    "right": (0.4, -0.65, 0.75),
+}  # config.yml of RoboTwin 2.0, arms 0.8 m apart as in its guide
 FOOT = 0.11  # m, half the edge of the base
 # Franka's ready pose with the hand tilted half a radian forward; RoboTwin's home would put the tool under the table from this base
 HOME = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2 + 0.5, np.pi / 4)

@@ -30,7 +30,10 @@ from pipeline.world.shapes import Collider
 # benchmarks/base_placement.py, 2026-11-21: 0.97-1.00 of the arm's own half at pitch 30-60 degrees, 0.99 or more at 90. RoboTwin's
 # (0.4, -0.65, 0.75), its left base 0.10 m lower in the config, reaches 1.00 and 0.86
 PLACE = {"left": (-0.45, -0.5, 0.75), "right": (0.45, -0.5, 0.75)}
-ORIGINAL = {"left": (-0.3, -0.65, 0.75), "right": (0.3, -0.65, 0.75)}  # config.yml of RoboTwin 2.0, arms 0.6 m apart
+ORIGINAL = {
+    "left": (-0.4, -0.65, 0.75),
+    "right": (0.4, -0.65, 0.75),
+}  # config.yml of RoboTwin 2.0, arms 0.8 m apart as in its guide
 FOOT = 0.095  # m, half the edge of the base
 # mirrored tool poses: a UR5 has no mirror image, so the joint values differ
 HOME = {"left": (-1.43, -1.03, -2.19, -1.14, 1.52, 0.14), "right": (-0.93, -1.03, -2.18, -1.22, 1.36, 0.61)}
