@@ -26,25 +26,26 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR
         free = arm.checker()
 
         def reached(bodies: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            """Body poses that can be had, with their joints."""
+            """Body poses that can be had without touching anything, with their joints."""
             bodies = np.atleast_2d(np.asarray(bodies, float))
             q, ok = arm.solve(compose(bodies, hold[None]))
-            return bodies[ok], q[ok]
+            found = [i for i in np.flatnonzero(ok) if free(q[i])]
+            return bodies[found], q[found]
 
         (_, over), (ends, down) = reached(upright), reached(tipped)
-        over, extra = [q for q in over if free(q)], _pour_costs(a, side, hold, ends)
         if not len(over) or not len(down):
             raise PlanFailure("pour_unreachable", f"the {side} arm cannot hold it there, upright and tipped")
-        cost = np.linalg.norm(np.stack(over)[:, None] - down[None], axis=-1) + extra
-        order = np.argsort(cost, axis=None, kind="stable")[: POUR.pairs]
-        pairs = ((over[k // len(down)], down[k % len(down)]) for k in order)
-        for start, end in islice(((start, end) for start, end in pairs if free(end)), POUR.tries):
-            path = start + np.linspace(0, 1, POUR.rows)[:, None] * (end - start)
-            if _swayed(arm, hold, path) > sway or not free(path):
+        cost = np.linalg.norm(over[:, None] - down[None], axis=-1) + _pour_costs(a, side, hold, ends)
+        paths = ((k // len(down), _tipping(over, down, k)) for k in np.argsort(cost, axis=None, kind="stable")[: POUR.pairs])
+        quiet = ((i, path) for i, path in paths if _swayed(arm, hold, path) <= sway)
+        shut = set[int]()  # upright postures to which no free motion leads
+        for i, path in islice(quiet, POUR.tries):
+            if i in shut or not free(path):
                 continue
             try:
-                trajectory = arm.free_trajectory(start, free)
+                trajectory = arm.free_trajectory(path[0], free)
             except PlanFailure:
+                shut.add(i)
                 continue
             yield {side: trajectory}
             yield {side: arm.timed(path[[0, -1]], speed_scale=speed)}
@@ -52,6 +53,12 @@ def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR
         raise PlanFailure("pour_blocked", f"the {side} arm finds no path to tip what it holds")
 
     return act
+
+
+def _tipping(over: NDArray[np.float64], down: NDArray[np.float64], pair: int) -> NDArray[np.float64]:
+    """Joint rows from one of `over` (N,n) to one of `down` (M,n), counted pair by pair, those of the same start in a row."""
+    start, end = over[pair // len(down)], down[pair % len(down)]
+    return start + np.linspace(0, 1, POUR.rows)[:, None] * (end - start)
 
 
 def _swayed(arm: ArmPlanner, hold: Pose, path: NDArray[np.float64]) -> float:
