@@ -14,6 +14,7 @@ from typing import Any
 from pipeline.annotate.keys import AnnotateError, annotation_key
 from pipeline.annotate.stage import NotReady, Result, Stage, directory_of
 from pipeline.annotate.store import CorruptAnnotation, annotation_path, check_entry, write_entry
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, open_episode
 
 AHEAD = 2
@@ -47,7 +48,7 @@ _REASONS = {
     "corrupt": "its file is damaged",
     "valid": "key and content match",
 }
-_EPISODE_FAULTS = (EpisodeError, AnnotateError, CorruptAnnotation, OSError)
+_EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation, OSError)
 
 
 class StageWorker:
@@ -71,6 +72,7 @@ class StageWorker:
         name, state = str(episode), "unknown"
         stage = self.stage
         try:
+            Dataset(self.dataset).check_bytes(episode)
             with open_episode(self.dataset / "episodes" / episode) as e:
                 reading = stage.read(e, self.dataset, episode)
                 key = annotation_key(stage.name, stage.version, stage.parameters(), reading.inputs)

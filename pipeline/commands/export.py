@@ -100,7 +100,7 @@ def export(
     exporter = EXPORTERS[format_]
     options = parse_options(format_, exporter.options, ctx.meta[GIVEN])
     recipe = source.recipe()
-    episodes = source.accepted(recipe)
+    episodes = source.intact_episodes(recipe)
     if stale := sum(state.todo not in (DONE, OPEN) for _, state in states(source, recipe)):
         print(
             f"domino-data: {stale} slots are of another version of code or recipe; `domino-data status {dataset}`", file=sys.stderr

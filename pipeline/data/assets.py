@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.atomic import write_atomic
+from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, digest
 
 _ATTRIBUTES = "attributes"
-_FIX = "delete it and the episodes that name it, and run the build again"
+_DIGITS = 32
+_FIX = "the command that made this dataset, run again, writes it anew"
 
 
 class AssetError(DominoError):
@@ -31,7 +32,7 @@ class AssetStore:
 
     def path(self, key: str) -> Path:
         """Where an asset is. Raises AssetError for a key that is no hash."""
-        if len(key) != 32 or not set(key) <= set("0123456789abcdef"):
+        if len(key) != _DIGITS or not set(key) <= set("0123456789abcdef"):
             raise AssetError(f"{key!r} is not the hash of an asset")
         return self.root / key[:2] / f"{key}.npz"
 
@@ -47,16 +48,12 @@ class AssetStore:
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
-        """Take an asset over from another store, unless it is here already. Raises AssetError where it is missing, OSError."""
+        """Take an asset over from another store, unless it is here already. Raises AssetError where it is missing there or
+        damaged, OSError."""
         path = self.path(key)
         if not path.exists():
-            try:
-                data = source.path(key).read_bytes()
-            except FileNotFoundError as error:
-                raise AssetError(
-                    f"{source.path(key)}: is missing; delete the episodes that name it and run the build again"
-                ) from error
-            write_atomic(path, data)
+            source.get(key)
+            write_atomic(path, source.path(key).read_bytes())
 
     def get(self, key: str) -> tuple[dict[str, NDArray[Any]], Any]:
         """Arrays and attributes of an asset. Raises AssetError where it is missing, damaged or not what its hash says."""
@@ -66,12 +63,21 @@ class AssetStore:
                 arrays = {name: file[name] for name in file.files}
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
-            raise AssetError(f"{path}: is missing; delete the episodes that name it, and run the build again") from error
+            raise AssetError(f"{path}: is missing; {_FIX}") from error
         except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
             raise AssetError(f"{path}: cannot be read ({error}); {_FIX}") from error
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; {_FIX}")
         return arrays, attributes
+
+    def sweep(self) -> None:
+        """Remove every asset of the store that is damaged, so that what was in it can be put there again. Raises OSError."""
+        for path in sorted(self.root.glob("[0-9a-f][0-9a-f]/*.npz")):
+            if len(path.stem) == _DIGITS:
+                try:
+                    self.get(path.stem)
+                except AssetError:
+                    remove(path)
 
 
 def _hash(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:

@@ -7,9 +7,13 @@ writing.
 import os
 import shutil
 import socket
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+CLOCK_SLACK = 2.0
+"""Seconds by which the clock of a file system may be behind that of the processes."""
 
 
 def temporary_name(path: Path) -> Path:
@@ -65,25 +69,36 @@ def write_atomic(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
+def remove(path: Path) -> None:
+    """Take away what is at `path`, if anything: a file, a link, or a directory with all that it holds. Raises OSError."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
 def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
     """Delete temporary files and directories that dead processes of this host left below `directory`; returns how many."""
     host, gone = socket.gethostname(), 0
     for left in sorted(directory.glob(pattern)):
         parts = left.name.removesuffix(".tmp").rsplit(".", 1)
-        if len(parts) == 2 and parts[0].endswith(f".{host}") and parts[1].isdigit() and not _alive(int(parts[1])):
-            if left.is_dir():
-                shutil.rmtree(left, ignore_errors=True)
-            else:
-                left.unlink(missing_ok=True)
-            gone += 1
+        if len(parts) == 2 and parts[0].endswith(f".{host}") and parts[1].isdecimal() and not _writes(int(parts[1]), left):
+            with suppress(OSError):
+                remove(left)
+                gone += 1
     return gone
 
 
-def _alive(pid: int) -> bool:
+def _writes(pid: int, path: Path) -> bool:
+    """Whether that process may be writing `path`: it lives, and it began no later than the last change there.
+
+    A process that began later only has got the number of the one that wrote it.
+    """
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+        # after the name, which may hold blanks and brackets: field 22 of the line, ticks since the machine started
+        ticks = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19])
+        up = float(Path("/proc/uptime").read_text().split()[0])
+        began = time.time() - up + ticks / os.sysconf("SC_CLK_TCK")
+        return began <= path.stat().st_mtime + CLOCK_SLACK
+    except OSError:
         return False
-    except PermissionError:
-        return True
-    return True

@@ -1,6 +1,8 @@
 """A dataset directory: where its files are, and what its ledger says is there. Reading one needs no simulator."""
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pyarrow as pa
@@ -8,8 +10,12 @@ import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.errors import DominoError
+from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe, read_recipe
+
+CHANGED = "bytes differ from the ledger's sha256; the build command of this dataset, run again, makes it anew"
+"""What is said of an episode file that is not the one that was written."""
 
 
 class DatasetError(DominoError):
@@ -112,6 +118,39 @@ class Dataset:
     def accepted(self, recipe: Recipe) -> list[Path]:
         """Episode files of the recipe's slots, in its order."""
         return [self.episode(slot) for slot, record in self.records(recipe) if record.accepted]
+
+    def intact(self, slot: Slot, record: SlotRecord) -> bool:
+        """Whether a slot's episode is there with the bytes that its ledger entry names."""
+        try:
+            return file_hash(self.episode(slot)) == record.sha256
+        except OSError:
+            return False
+
+    def check_bytes(self, episode: Path) -> None:
+        """Raise DatasetError for an episode file, relative to `episodes`, whose bytes are not those of its ledger entry.
+
+        A directory without a ledger was not built: there is nothing to compare with.
+        """
+        entry = self.root / "ledger" / episode.with_suffix(".json")
+        if not (self.root / "ledger").is_dir():
+            return
+        try:
+            record = SlotRecord.from_json(entry.read_bytes())
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot") from error
+        if not record.accepted or file_hash(self.episodes / episode) != record.sha256:
+            raise DatasetError(f"{self.episodes / episode}: {CHANGED}")
+
+    def intact_episodes(self, recipe: Recipe) -> list[Path]:
+        """As `accepted`, after reading every file. Raises DatasetError for those whose bytes are not those of the ledger."""
+        found = [(slot, record) for slot, record in self.records(recipe) if record.accepted]
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+            intact = list(threads.map(lambda pair: self.intact(*pair), found))
+        damaged = [slot for (slot, _), ok in zip(found, intact, strict=True) if not ok]
+        if damaged:
+            others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
+            raise DatasetError(f"{self.episode(damaged[0])}{others}: {CHANGED}")
+        return [self.episode(slot) for slot, _ in found]
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""

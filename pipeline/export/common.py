@@ -22,6 +22,9 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import StateLog
 
 SUMMARY = "export.json"
+OWN = ("episodes", "ledger", "assets", "annotations", "report")
+"""Directories of a dataset that nothing else may be written to."""
+
 CLOCK_TOLERANCE = 1e-6  # s
 Progress = Callable[[int], object] | None
 
@@ -229,13 +232,16 @@ def staged(out: Path, dataset: Path) -> Iterator[Path]:
     """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
 
     An existing export at `out` is replaced only then. Raises ExportError where `out` is something else than an export, contains
-    the dataset, or the disk refuses.
+    the dataset or lies among its own files, or the disk refuses.
     """
-    out = Path(os.path.abspath(out))
+    out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     if out.exists() and not out.is_dir():
         raise ExportError(f"{out}: is a file; name a directory")
-    if Path(os.path.abspath(dataset)).is_relative_to(out):
+    real = out.resolve()
+    if here.is_relative_to(real):
         raise ExportError(f"{out}: holds the dataset itself; name another directory")
+    if any(real.is_relative_to(here / own) for own in OWN):
+        raise ExportError(f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports, or elsewhere")
     if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
         raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
     try:

@@ -20,10 +20,11 @@ from pipeline.run import running
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine import run
 from pipeline.run.keys import code_version
+from pipeline.run.mend import from_scenes, mend_assets
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
-from pipeline.run.state import DONE, states
+from pipeline.run.state import DONE, PHYSICS, read_states
 from pipeline.run.strikes import Strikes
 from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
 from pipeline.world.vulkan import ensure_renderer
@@ -55,6 +56,9 @@ def build(
 ) -> BuildResult:
     """Build or go on building the dataset; vendor meshes that its recipe names are taken from `assets` the first time.
 
+    Every file that is there is read: an episode whose bytes are not the ledger's is made again, an asset that is missing or damaged
+    put back.
+
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that takes two workers with it is
     recorded as failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
@@ -68,8 +72,11 @@ def build(
     copy_meshes(meshes, dataset.assets)
     slots = list(recipe.physical_slots())
     sweep(root)
-    open_slots = [(slot, state.todo) for slot, state in states(dataset, recipe) if not slot.variant and state.todo != DONE]
-    todo, parts = [slot for slot, _ in open_slots], [part for _, part in open_slots]
+    known = {slot: state.todo for slot, state in read_states(dataset, recipe, slots)}
+    whole = [slot for slot, part in known.items() if part == DONE and dataset.episode(slot).exists()]
+    known |= dict.fromkeys(mend_assets(dataset, whole, from_scenes(dataset, recipe)), PHYSICS)
+    todo = [slot for slot, part in known.items() if part != DONE]
+    parts = [known[slot] for slot in todo]
     if todo and pool.executor != "inline" and not compiled():
         warm_up(todo[0].cell.embodiment)
     running.clear_all(dataset, todo)

@@ -89,13 +89,18 @@ def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: 
     Raises VendorMeshError where the recipe names meshes that the dataset does not hold, OSError where the disk refuses.
     """
     with phases("render"):
-        robot = with_vendor_meshes(scene.embodiment, dataset.assets, recipe.robot_meshes)
-        meshes = {a.model: recipe.robot_meshes[a.model] for a in robot.arms.values() if a.model in recipe.robot_meshes}
-        appearance = appearance_of(scene, camera=recipe.camera, preset=recipe.render, robot=robot, robot_meshes=meshes)
-        appearance = as_wanted(appearance, recipe, visuals_of(scene.spec, recipe.visuals, recipe.visual_seed))
+        appearance = wanted_appearance(dataset, scene, recipe)
     with phases("write"):
         drawing = keep(appearance, AssetStore(dataset.bodies))
     return images_of(appearance, drawing, log, recipe, phases)
+
+
+def wanted_appearance(dataset: Dataset, scene: Scene, recipe: Recipe) -> Appearance:
+    """What the first look of a scene is drawn from. Raises VendorMeshError for meshes that the dataset does not hold."""
+    robot = with_vendor_meshes(scene.embodiment, dataset.assets, recipe.robot_meshes)
+    meshes = {a.model: recipe.robot_meshes[a.model] for a in robot.arms.values() if a.model in recipe.robot_meshes}
+    appearance = appearance_of(scene, camera=recipe.camera, preset=recipe.render, robot=robot, robot_meshes=meshes)
+    return as_wanted(appearance, recipe, visuals_of(scene.spec, recipe.visuals, recipe.visual_seed))
 
 
 def as_wanted(appearance: Appearance, recipe: Recipe, visuals: Visuals) -> Appearance:

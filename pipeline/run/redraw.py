@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pipeline.data.assets import AssetStore
 from pipeline.data.atomic import write_atomic
-from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.dataset import CHANGED, Dataset, DatasetError
 from pipeline.data.episode import Episode, EpisodeError, EpisodeFile
 from pipeline.data.errors import DominoError
-from pipeline.data.keys import SlotKeys, file_hash
+from pipeline.data.keys import SlotKeys
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.meta import CameraInfo, Drawing
 from pipeline.data.physics_id import physics_id
@@ -63,7 +63,7 @@ def is_drawn(out: Dataset, slot: Slot, source: SlotRecord, keys: SlotKeys) -> bo
     record = out.record(slot)
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
-    return not record.accepted or (record.source == source.sha256 and out.episode(slot).exists())
+    return not record.accepted or (record.source == source.sha256 and out.intact(slot, record))
 
 
 def draw_slot(job: DrawJob) -> Drawn:
@@ -95,8 +95,8 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     """Write the episode; its sha256."""
     path, store = source.episode(job.origin), AssetStore(source.bodies)
     with phases("read"):
-        if file_hash(path) != record.sha256:
-            raise EpisodeError(f"{path}: its bytes differ from the ledger's sha256; delete it and run the build again")
+        if not source.intact(job.origin, record):
+            raise EpisodeError(f"{path}: {CHANGED}")
         with EpisodeFile(path) as file:
             episode = file.read()
         stored = stored_appearance(episode, store, _parts)

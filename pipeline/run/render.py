@@ -12,6 +12,7 @@ from pipeline.data.recipe import Recipe, parse_recipe
 from pipeline.report.page import refresh
 from pipeline.run.build import ATTEMPT_SECONDS, provenance
 from pipeline.run.drawing import draw_all, work_of
+from pipeline.run.mend import from_source, mend_assets
 from pipeline.run.pool import Pool
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
@@ -53,11 +54,13 @@ def render(
     copy_meshes(meshes, out.assets)
     sweep(out.root)
     work = work_of(source, out, recipe, recipe.slots())
+    drawn = {job.slot for job in work.jobs}
+    mend_assets(out, [s for s, r in out.records(recipe) if r.accepted and s not in drawn], from_source(out, source))
     try:
         problems = draw_all(work, pool, timeout, quiet)
     finally:
         out.write_attempts(recipe)
-        made_by = json.loads(source.provenance.read_bytes()) if source.provenance.exists() else {}
+        made_by = _provenance(source)
         values = provenance(device, recipe) | {"drawn_from": made_by}
         write_atomic(out.provenance, json.dumps(values, indent=2, sort_keys=True).encode())
     refresh(out, annotation_sheet)
@@ -70,6 +73,14 @@ def render(
         drawn=len(work.jobs) - len(problems),
         problems=tuple(problems),
     )
+
+
+def _provenance(source: Dataset) -> Any:
+    """What the source says it was made by; nothing where its file is missing or damaged, which is for `verify` to say."""
+    try:
+        return json.loads(source.provenance.read_bytes())
+    except (OSError, ValueError):
+        return {}
 
 
 def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:

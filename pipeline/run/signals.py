@@ -1,11 +1,14 @@
 """SIGINT and SIGTERM: a clean stop, once, and never in the middle of what must not be cut short."""
 
 import signal
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_MOMENT = 0.01  # s
 
 
 class Stopped(KeyboardInterrupt):
@@ -14,8 +17,13 @@ class Stopped(KeyboardInterrupt):
 
 @contextmanager
 def stop_on_signal() -> Iterator[None]:
-    """Within, the first SIGINT or SIGTERM raises Stopped; later ones are ignored, so that cleaning up is not cut short."""
+    """Within, the first SIGINT or SIGTERM raises Stopped; later ones are ignored, so that cleaning up is not cut short.
+
+    Where Python drops the exception, because it was raised in the callback of a weak reference or in a finalizer, the signal is
+    sent once more.
+    """
     asked = False
+    dropped = sys.unraisablehook
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
         nonlocal asked
@@ -23,13 +31,24 @@ def stop_on_signal() -> Iterator[None]:
             asked = True
             raise Stopped
 
+    def again(unraisable: "sys.UnraisableHookArgs") -> None:
+        nonlocal asked
+        if not isinstance(unraisable.exc_value, Stopped):
+            dropped(unraisable)
+            return
+        asked = False
+        # a moment later, when the callback has been left
+        threading.Timer(_MOMENT, signal.raise_signal, [signal.SIGINT]).start()
+
     found = {number: signal.signal(number, stop) for number in STOP_SIGNALS}
+    sys.unraisablehook = again
     try:
         yield
     except KeyboardInterrupt as interrupt:
         # Ray raises one of its own where a handler raised while it waited
         raise Stopped from interrupt
     finally:
+        sys.unraisablehook = dropped
         for number, handler in found.items():
             signal.signal(number, handler)
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.atomic import write_atomic
+from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError
 from pipeline.data.keys import SlotKeys
@@ -16,7 +16,7 @@ from pipeline.data.recipe import Recipe, Slot
 from pipeline.run import running
 from pipeline.run.keys import code_version, slot_keys
 from pipeline.run.make import draw, episode_of, renew, write
-from pipeline.run.state import IMAGES, SENTENCES, slot_state
+from pipeline.run.state import IMAGES, SENTENCES, read_state
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 
@@ -60,14 +60,17 @@ def fill_slot(job: SlotJob) -> SlotRecord:
     if job.code != code_version():
         raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
-    state = slot_state(dataset, job.slot, keys)
+    state = read_state(dataset, job.slot, keys)
     record = None
     if state.todo in (IMAGES, SENTENCES) and not any(one.attempt == running.RENEWAL for one in job.lost):
         running.note(dataset, job.slot, running.RENEWAL)
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             record = renew(dataset, job.recipe, job.slot, state, keys)
     record = record or _from_nothing(dataset, job, keys)
-    write_atomic(dataset.ledger(job.slot), record.to_json())
+    entry = dataset.ledger(job.slot)
+    if entry.is_dir():
+        remove(entry)
+    write_atomic(entry, record.to_json())
     running.clear(dataset, job.slot)
     return record
 
@@ -77,7 +80,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
     phases, rows, sha = Phases(), list[dict[str, Any]](), ""
-    dataset.episode(slot).unlink(missing_ok=True)
+    remove(dataset.episode(slot))
     for number in range(recipe.attempts):
         spec, began = recipe.spec(slot, number), time.perf_counter()
         row = asdict(slot.cell) | {"slot": slot.index, "attempt": number, "seed": spec.seed, "stage": "", "reason": ""}

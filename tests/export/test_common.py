@@ -255,3 +255,11 @@ def test_an_episode_that_names_a_path_is_refused_and_nothing_is_written(dataset,
     after = [p for p in sorted(tmp_path.rglob("*")) if p not in before]
     assert not [p for p in after if p.is_file()]
     assert not (tmp_path.parent / "x").exists()
+
+
+def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
+    make_episode(episode_path(tmp_path / "data"), frames=2)
+    for place in ("episodes", "episodes/click_bell/mine", "ledger", "assets/x"):
+        with pytest.raises(ExportError, match="among the dataset's own files"):
+            run("parquet", tmp_path / "data", tmp_path / "data" / place, episodes_of(tmp_path / "data"))
+    assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]

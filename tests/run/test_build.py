@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import pyarrow.parquet as pq
 import pytest
 
@@ -113,14 +114,34 @@ def test_a_damaged_episode_is_found_and_made_again(mine, built, capsys, monkeypa
     assert contents(mine) == contents(built)
 
 
-def test_a_damaged_episode_keeps_no_other_from_being_built(mine, capsys, monkeypatch):
+def test_a_damaged_and_a_missing_episode_and_assets_are_made_again(mine, built, capsys, monkeypatch):
     first, second = sorted(mine.glob("episodes/**/*.hdf5"))[:2]
+    gone, damaged, *others = sorted(mine.glob("assets/bodies/*/*.npz"))
+    gone.unlink()
+    damaged.write_bytes(b"PK")
     first.write_bytes(first.read_bytes()[:5000])
     second.unlink()
     code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
     assert (code, err) == (0, "")
-    assert json.loads(out)["made"] == 1
-    assert second.exists()
+    assert json.loads(out)["made"] == 2
+    assert contents(mine) == contents(built)
+    assert {p.name: p.read_bytes() for p in (gone, damaged)} == {
+        p.name: (built / p.relative_to(mine)).read_bytes() for p in (gone, damaged)
+    }
+    assert others
+
+
+@pytest.mark.parametrize("verb", [("export", "--format", "parquet"), ("annotate", "--stages", "flow")])
+def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, capsys, monkeypatch, verb):
+    path = next(mine.glob("episodes/**/L2/**/*.hdf5"))
+    with h5py.File(path, "r+") as file:
+        file["joint_action/vector"][0, 0] += 1e-3
+    code, out, err = command(capsys, monkeypatch, verb[0], mine, *verb[1:], "--json")
+    assert code == (2 if verb[0] == "export" else 1)
+    said = err if verb[0] == "export" else json.loads(out)["stages"][0]["problems"][0]
+    assert str(path) in said
+    assert "bytes differ from the ledger's sha256" in said
+    assert not list(mine.glob("exports/*")) and len(list(mine.glob("annotations/*/**/*.h5"))) == (0 if verb[0] == "export" else 2)
 
 
 # --- who does the work ------------------------------------------------------------------------------------------------------

@@ -1,0 +1,29 @@
+"""A signal stops what runs, wherever it arrives."""
+
+import signal
+import time
+import weakref
+
+import pytest
+
+from pipeline.run.signals import Stopped, stop_on_signal
+
+
+class Thing:
+    """Something to refer to weakly."""
+
+
+def test_a_signal_raises_once_and_the_handlers_are_put_back():
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(Stopped), stop_on_signal():
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_signal_that_arrives_in_the_callback_of_a_weak_reference_stops_all_the_same():
+    thing = Thing()
+    reference = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(Stopped), stop_on_signal():
+        del thing
+        time.sleep(5)
+    assert reference() is None
