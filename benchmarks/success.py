@@ -10,7 +10,7 @@ import argparse
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,20 @@ class Try:
         stage, _, reason = self.reason.partition(": ")
         said = {"attempt": self.number, "outcome": outcome, "stage": stage, "reason": reason, "detail": self.detail}
         return asdict(self.spec) | said | {"seconds": self.seconds} | (asdict(self.drawn) if self.drawn else {})
+
+
+def read_rows(paths: Sequence[Path]) -> list[Try]:
+    """Attempts kept by `--rows`; a later file replaces the tasks that it holds."""
+    by_task: dict[str, list[Try]] = {}
+    for path in paths:
+        found = defaultdict[str, list[Try]](list)
+        for row in pq.read_table(path).to_pylist():
+            spec = EpisodeSpec(**{f.name: row[f.name] for f in fields(EpisodeSpec)})
+            drawn = Features(*(row[f.name] for f in fields(Features))) if row.get("average_speed") is not None else None
+            reason = f"{row['stage']}: {row['reason']}" if row["outcome"] == "failed" else ""
+            found[spec.task].append(Try(spec, row["attempt"], reason, row["detail"], row["seconds"], drawn))
+        by_task |= found
+    return [one for group in by_task.values() for one in group]
 
 
 def fill(job: tuple[Recipe, Slot]) -> list[Try]:
@@ -223,6 +237,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
     parser.add_argument("--rows", type=Path, help="write all attempts to this Parquet file")
+    parser.add_argument("--read", type=Path, nargs="+", help="make no attempts: print the tables of these Parquet files")
     parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
     args = parser.parse_args()
     tasks = sorted(TASKS) if args.tasks == "all" else args.tasks.split(",")
@@ -234,7 +249,7 @@ def main() -> None:
             **{"domains": args.domains.split(","), "episodes": args.slots, "attempts": args.attempts},
         }
     )
-    tries = run([(recipe, slot) for slot in recipe.slots()], args.workers)
+    tries = read_rows(args.read) if args.read else run([(recipe, slot) for slot in recipe.slots()], args.workers)
     if args.rows:
         pq.write_table(pa.Table.from_pylist([t.row() for t in tries]), args.rows)
     what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {args.domains}"
