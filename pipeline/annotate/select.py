@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
-from typing import get_type_hints
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pyarrow as pa
@@ -26,8 +26,12 @@ from pipeline.data.spec import EpisodeSpec
 LONGEST = 4000
 """Characters of an expression; deeper trees than these can make would exhaust the stack."""
 
-_KINDS = get_type_hints(EpisodeSpec)
 _ARROW = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+_KINDS = {
+    # of a field that may be None, the kind that it has where it is not
+    name: next(kind for kind in (hint, *get_args(hint)) if kind in _ARROW)
+    for name, hint in get_type_hints(EpisodeSpec).items()
+}
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in _KINDS.items()])
 _COMPARE = {
     ast.Eq: operator.eq,
