@@ -28,7 +28,7 @@ def annotate(
     executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
     workers: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     address: Address = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write and download nothing.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
@@ -69,14 +69,14 @@ def annotate(
         raise typer.Exit(130) from None
     if not dry_run:
         refresh(Dataset(dataset), annotation_sheet)
-    lines = []
+    lines, made = [], "to compute" if dry_run else "computed"
     for s in values["stages"]:
         lines.append(
-            f"{s['name']:9} {s['computed']} computed, {s['reused']} reused, {s['invalid']} invalid, {s['failed']} failed, "
+            f"{s['name']:9} {s['computed']} {made}, {s['reused']} reused, {s['invalid']} invalid, {s['failed']} failed, "
             f"{s['waiting']} waiting; hit rate {100 * s['hit_rate']:.0f} %, {s['seconds']:.1f} s"
         )
         lines += [f"  {p}" for p in s["problems"][:5]]
-        lines += [f"  {p['episode']}: {p['action']} ({p['reason']})" for p in s.get("plan", [])]
+        lines += [f"  {p['episode']}: {p['reason']}" for p in s.get("plan", [])]
     say(values, as_json, "\n".join(lines))
     if any(s["failed"] for s in values["stages"]):
         raise typer.Exit(1)

@@ -1,11 +1,13 @@
 """tasks, embodiments, objects and assets: what the factory can make, and vendor meshes for robots."""
 
+import shutil
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Levels, UsageError, listed, numbers, say
+from pipeline.commands.common import AsJson, LevelList, UsageError, listed, numbers, say, table
 
 assets_app = typer.Typer(no_args_is_help=True, help="Optional assets the user brings.")
 
@@ -15,8 +17,10 @@ def tasks(as_json: AsJson = False) -> None:
     from pipeline.tasks.listing import listing
 
     values = listing()
-    text = "\n".join(f"{t['name']:26} {t['category']:13} limit {t['step_limit']:5}  {', '.join(t['objects'])}" for t in values)
-    say(values, as_json, text)
+    rows = [(t["name"], t["category"], t["step_limit"], f"{t['description']} ({', '.join(t['objects'])})") for t in values]
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    lines = table(("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows).splitlines()
+    say(values, as_json, "\n".join(line[:width] for line in lines))
 
 
 def embodiments(as_json: AsJson = False) -> None:
@@ -24,18 +28,21 @@ def embodiments(as_json: AsJson = False) -> None:
     from pipeline.world.robot_listing import listing
 
     values = listing()
-    lines = (
-        f"{e['name']:14} {e['dof']} dof, reach {e['reach']['left']:.2f} m, opening {e['max_opening']['left']:.3f} m, "
-        f"cameras {', '.join(e['cameras'])}"
+    headers = ("robot", "vector width", "reach (m)", "opening (m)", "cameras", "also called")
+    rows = [
+        (
+            *(e["name"], e["dof"], f"{e['reach']['left']:.2f}", f"{e['max_opening']['left']:.3f}"),
+            *(", ".join(e["cameras"]), ", ".join(e["aliases"])),
+        )
         for e in values
-    )
-    say(values, as_json, "\n".join(lines))
+    ]
+    say(values, as_json, table(headers, rows))
 
 
 def check_task(
     name: Annotated[str, typer.Argument(help="The task, or `all`.", metavar="NAME")],
     embodiment: Annotated[str, typer.Option(help="The robot.")] = "aloha",
-    levels: Levels = "0,1,2,3",
+    levels: LevelList = "0,1,2,3",
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 when it does not."""

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -78,7 +78,8 @@ def _described(flags: Mapping[str, Mapping[str, bool]]) -> str:
     lines = ["Options of formats:"]
     for flag, users in flags.items():
         f = next(f for f in fields(EXPORTERS[next(iter(users))].options) if flag_name(f) == flag)
-        lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}")
+        default = "" if f.default is MISSING or isinstance(f.default, bool | None) or f.default == "" else f"; default {f.default}"
+        lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}{default}")
     return "\n\n".join(lines)
 
 
@@ -86,7 +87,7 @@ def export(
     ctx: typer.Context,
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin or parquet.")],
-    out: Annotated[Path | None, typer.Option(help="Where to write; DATASET/exports/FORMAT by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Where to write.", show_default="DATASET/exports/FORMAT")] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:

@@ -3,27 +3,18 @@
 from collections import Counter
 from typing import Any
 
-import numpy as np
-
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe
+from pipeline.run.cost import Cost, cost_of
 from pipeline.run.state import DONE, OPEN, states
 
-SECONDS_PER_EPISODE = 5.0
-"""Core seconds of an accepted episode at 320x240 in the `raster` preset, where the dataset has none of its own yet (README)."""
 
-BYTES_PER_EPISODE = 3.5e6
-
-
-def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any]:
-    """Cells with wanted and finished slots; estimated hours and bytes of the rest, from the dataset's own record if it has one."""
+def plan(recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None) -> dict[str, Any]:
+    """Cells with wanted and finished slots; estimated hours and bytes of the rest from a `cost`, by default that of the dataset's
+    own record if it has one."""
     records = dict(dataset.records(recipe)) if dataset is not None and dataset.manifest.exists() else {}
     done = Counter(slot.cell for slot in records)
-    seconds = [_seconds(r) for r in records.values() if r.accepted]
-    sizes = [dataset.episode(s).stat().st_size for s, r in records.items() if r.accepted] if dataset is not None else []
-    each = float(np.mean(seconds)) if seconds else SECONDS_PER_EPISODE
-    size = float(np.mean(sizes)) if sizes else BYTES_PER_EPISODE
+    cost = cost or cost_of(dataset, recipe)
     cells = [
         {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}
         | {"episodes": recipe.wanted(c) * recipe.variants, "finished": done[c]}
@@ -36,16 +27,11 @@ def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any
         "slots": slots,
         "finished": len(records),
         "workers": workers,
-        "estimated_hours": left * each / 3600 / workers,
-        "estimated_bytes": int(left * size),
-        "estimate_from": "this dataset" if seconds else "benchmarks",
+        "estimated_hours": cost.hours(left, workers),
+        "estimated_bytes": int(left * cost.size),
+        "estimate_from": cost.source,
+        "estimate": cost.said(left, workers),
     }
-
-
-def _seconds(record: SlotRecord) -> float:
-    """What an episode took: all its attempts, or only the drawing where it shows the physics of another."""
-    drawing = sum(seconds for name, seconds in record.phases.items() if not name.endswith(".cpu"))
-    return sum(row["seconds"] for row in record.attempts) or drawing
 
 
 def status(dataset: Dataset) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import pytest
 
 from pipeline.cli import main
 from pipeline.run.names import recipe_from
+from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, ROOT, WANTED, build, contents, run, slots, start, temporaries
 from tests.synthetic import make_episode
 
@@ -179,6 +180,19 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path):
     assert len(err.strip().splitlines()) == 1
     assert "too large" in err
     assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == ["provenance.json"]
+
+
+def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, capsys, monkeypatch):
+    def failing(*_):
+        raise Failure("back_calculate", "no_motion", "workspace 828, visibility 1, blocked 171")
+
+    monkeypatch.setattr("pipeline.run.slot.attempt", failing)
+    arguments = (*WANTED, "--attempts", "2", "--out", tmp_path / "out", "--quiet", "--executor", "inline")
+    code, out, err = command(capsys, monkeypatch, "build", *arguments)
+    assert code == 3
+    assert "0 of 3 episodes" in out
+    assert err.count("\n") == 1 and "3 slots were given up after 2 attempts each" in err and "domino-data status" in err
+    assert command(capsys, monkeypatch, "build", *arguments)[0] == 3
 
 
 # --- planning and bad input -------------------------------------------------------------------------------------------------
