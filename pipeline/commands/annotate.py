@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say
+from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say, warn_of_stale
 from pipeline.run.signals import Stopped, stop_on_signal
 
 
@@ -54,6 +54,9 @@ def annotate(
         MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter),
         FeatureOptions(encoder=encoder),
     )
+    source = Dataset(dataset)
+    if source.manifest.exists():
+        warn_of_stale(source, source.recipe())
     try:
         with stop_on_signal():
             values = run(
@@ -61,14 +64,14 @@ def annotate(
                 tuple(listed(stages) or ()),
                 options=options,
                 where=where,
-                render=partial(redraw, bodies=Dataset(dataset).bodies),
+                render=partial(redraw, bodies=source.bodies),
                 execution=Execution(pool_of(executor, workers, address), device, dry_run, progress=not as_json),
             )
     except Stopped:
         print(f"stopped; what is finished is in {dataset}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     if not dry_run:
-        refresh(Dataset(dataset), annotation_sheet)
+        refresh(source, annotation_sheet)
     lines, made = [], "to compute" if dry_run else "computed"
     for s in values["stages"]:
         lines.append(

@@ -1,12 +1,14 @@
 """What the verbs share: options, printing for people or programs, and the recipe that options describe."""
 
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe import Recipe, read_recipe
 from pipeline.run.names import recipe_from
@@ -38,6 +40,22 @@ def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
         for line in lines
     ]
     return "\n".join("  ".join(line).rstrip() for line in cells)
+
+
+def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
+    """Say on standard error how many episodes are of another version of code or recipe; they are used all the same."""
+    from pipeline.run.state import DONE, OPEN, states
+
+    stale = sum(
+        state.todo not in (DONE, OPEN) and state.record is not None and state.record.accepted
+        for _, state in states(dataset, recipe)
+    )
+    if stale:
+        print(
+            f"domino-data: warning: {stale} episodes are of another version of code or recipe and are used as they are; "
+            f"`domino-data status {dataset.root}` says what changed",
+            file=sys.stderr,
+        )
 
 
 def listed(text: str | None) -> list[str] | None:

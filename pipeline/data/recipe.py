@@ -17,6 +17,10 @@ from pipeline.data.rules import Contact, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 DEFAULT_ALPHA = 0.1
+
+CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
+"""Keys of a recipe that choose slots and change none: a dataset may grow by them."""
+
 _Pixels = Annotated[int, Field(ge=16, le=4096)]
 
 

@@ -85,6 +85,29 @@ def test_a_finished_dataset_is_left_as_it_is(mine, capsys, monkeypatch):
     assert {p: p.stat().st_mtime_ns for p in mine.glob("episodes/**/*.hdf5")} == before
 
 
+def test_a_dataset_grows_and_keeps_what_it_holds(mine, capsys, monkeypatch):
+    before = {p: p.read_bytes() for p in mine.glob("episodes/**/*.hdf5")}
+    larger = (*WANTED, "--levels", "0,1,2,3", "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, err = command(capsys, monkeypatch, "build", *larger)
+    assert (code, err) == (0, "")
+    assert (json.loads(out)["made"], json.loads(out)["accepted"]) == (1, 4)
+    assert {p: p.read_bytes() for p in before} == before
+    code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet")
+    assert (code, out) == (2, "")
+    assert "levels 0" in err and err.count("\n") == 1
+
+
+def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(mine, capsys, monkeypatch):
+    for entry in mine.glob("ledger/**/*.json"):
+        record = json.loads(entry.read_text())
+        record["keys"]["physics"]["core"] = "0" * 32
+        entry.write_text(json.dumps(record))
+    for words in (("export", mine, "--format", "parquet"), ("annotate", mine, "--stages", "flow", "--flow-stride", "2")):
+        code, out, err = command(capsys, monkeypatch, *words, "--json")
+        assert (code, json.loads(out)["episodes"]) == (0, 3)
+        assert "warning: 3 episodes are of another version" in err and err.count("\n") == 1
+
+
 def test_exports_are_checked_against_the_episodes(mine, capsys, monkeypatch):
     for name in ("lerobot", "aloha", "parquet"):
         code, out, err = command(capsys, monkeypatch, "export", mine, "--format", name, "--json")
