@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.run.reasons import reasons, row_of
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
@@ -37,8 +38,9 @@ def check_task(name: str, embodiment: str = "aloha-agilex", levels: tuple[int, .
     findings = [*_layouts(spec)]
     rollouts = {}
     for level in levels:
-        tried, rollout = _first_accepted(replace(spec, level=level))
-        detail = f"seed {rollout.scene.spec.seed} of {tried}" if rollout else f"none of {tried} seeds was accepted"
+        failures, rollout = _first_accepted(replace(spec, level=level))
+        detail = f"seed {rollout.scene.spec.seed}" if rollout else f"none of {SEEDS_PER_LEVEL} seeds was accepted"
+        detail += "".join(f"; {reason.said()}" for reason in reasons(map(row_of, failures)))
         findings.append(Finding(f"level {level}", rollout is not None, detail))
         if rollout:
             rollouts[level] = rollout
@@ -48,27 +50,31 @@ def check_task(name: str, embodiment: str = "aloha-agilex", levels: tuple[int, .
     return findings
 
 
-def _first_accepted(spec: EpisodeSpec) -> tuple[int, Rollout | None]:
+def _first_accepted(spec: EpisodeSpec) -> tuple[list[Failure], Rollout | None]:
+    """The failures of the first seeds and the rollout of the first one that is accepted, if any."""
+    failures = []
     for seed in range(SEEDS_PER_LEVEL):
         try:
-            return seed + 1, attempt(replace(spec, seed=seed), Recipe(), Phases())
-        except Failure:
-            continue
-    return SEEDS_PER_LEVEL, None
+            return failures, attempt(replace(spec, seed=seed), Recipe(), Phases())
+        except Failure as failure:
+            failures.append(failure)
+    return failures, None
 
 
 def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
     task, arms, outside, drawn = TASKS[spec.task], set(), 0, 0
-    scene = None
+    scene, failures = None, []
     for seed in range(LAYOUTS):
         try:
             scene = build_scene(replace(spec, seed=seed))
-        except Failure:
+        except Failure as failure:
+            failures.append(failure)
             continue
         drawn += 1
         arms |= {tuple(sorted(scene.arms.items()))}
         outside += not task.workspace.contains(scene.bodies[task.target].pose)
-    yield Finding("layout", drawn >= 0.9 * LAYOUTS, f"{drawn} of {LAYOUTS} seeds could be laid out")
+    why = "".join(f"; {reason.said()}" for reason in reasons(map(row_of, failures)))
+    yield Finding("layout", drawn >= 0.9 * LAYOUTS, f"{drawn} of {LAYOUTS} seeds could be laid out{why}")
     yield Finding("workspace", outside == 0, f"{outside} targets stand outside the task's workspace")
     both = len(arms) > 1 or any(len({side for _, side in roles}) == 2 for roles in arms)
     yield Finding("arms", both, f"roles seen: {[dict(roles) for roles in sorted(arms)]}")

@@ -1,11 +1,13 @@
 """`domino-data plan` and `status`: what a recipe asks for, what is there, and what the rest will cost. Writes nothing."""
 
 from collections import Counter
+from dataclasses import asdict
 from typing import Any
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe import Recipe
 from pipeline.run.cost import Cost, cost_of
+from pipeline.run.reasons import reasons
 from pipeline.run.state import DONE, OPEN, states
 
 
@@ -35,18 +37,19 @@ def plan(recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | Non
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
-    """Slots wanted, accepted, given up and open; attempts and their failures by reason; per cell the same; and `redo`: what a build
-    would make again of what is there, and because of which changes, as {"what", "because", "slots"}."""
+    """Slots wanted, accepted, given up and open; attempts, their failures by reason, and these in detail (`failures`, as Reason);
+    per cell the same; and `redo`: what a build would make again of what is there, and because of which changes, as {"what",
+    "because", "slots"}."""
     recipe = dataset.recipe()
     redo = Counter((state.todo, state.because) for _, state in states(dataset, recipe) if state.todo not in (DONE, OPEN))
     cells: dict[str, Counter[str]] = {c.path: Counter(wanted=recipe.wanted(c) * recipe.variants) for c in recipe.cells()}
-    reasons: Counter[str] = Counter()
+    rows: list[dict[str, Any]] = []
     for slot, record in dataset.records(recipe):
         count = cells[slot.cell.path]
         count["accepted" if record.accepted else "given_up"] += 1
         count["attempts"] += len(record.attempts)
         count["solved"] += record.accepted and not slot.variant
-        reasons.update(row["reason"] for row in record.attempts if row["reason"])
+        rows += record.attempts
     total = sum(cells.values(), Counter())
     summary = {key: total[key] for key in ("wanted", "accepted", "given_up", "attempts")}
     rate = total["solved"] / total["attempts"] if total["attempts"] else None
@@ -54,7 +57,8 @@ def status(dataset: Dataset) -> dict[str, Any]:
     return summary | {
         "open": total["wanted"] - total["accepted"] - total["given_up"],
         "attempt_success": rate,
-        "reasons": dict(reasons.most_common()),
+        "reasons": dict(Counter(row["reason"] for row in rows if row["reason"]).most_common()),
+        "failures": [asdict(reason) for reason in reasons(rows)],
         "redo": [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())],
         "cells": {path: {key: count[key] for key in keys} for path, count in cells.items()},
     }

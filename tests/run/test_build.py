@@ -13,6 +13,7 @@ import pytest
 from pipeline.cli import main
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
+from pipeline.stages.hints import NO_MOTION_HINTS
 from tests.run.command import PATIENCE, ROOT, WANTED, build, contents, run, slots, start, temporaries
 from tests.synthetic import make_episode
 
@@ -216,6 +217,12 @@ def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, ca
     assert "0 of 3 episodes" in out
     assert err.count("\n") == 1 and "3 slots were given up after 2 attempts each" in err and "domino-data status" in err
     assert command(capsys, monkeypatch, "build", *arguments)[0] == 3
+    code, out, _ = command(capsys, monkeypatch, "status", tmp_path / "out")
+    assert code == 0
+    assert "6 x back_calculate: no_motion (motions refused: workspace 4968, blocked 1026, visibility 6)" in out
+    assert NO_MOTION_HINTS["workspace"] in out
+    rows = pq.read_table(tmp_path / "out" / "attempts.parquet").to_pylist()
+    assert {row["detail"] for row in rows} == {"workspace 828, visibility 1, blocked 171"}
 
 
 # --- planning and bad input -------------------------------------------------------------------------------------------------
