@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from pipeline.data.findings import Finding
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.run.reasons import reasons, row_of
@@ -21,15 +21,6 @@ from pipeline.tasks.outcome import failed
 SEEDS_PER_LEVEL = 12
 LAYOUTS = 40
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One clause of the contract: whether it holds, and what was seen."""
-
-    name: str
-    ok: bool
-    detail: str
 
 
 def check_task(name: str, embodiment: str = "aloha-agilex", levels: tuple[int, ...] = (0, 1, 2, 3)) -> list[Finding]:
@@ -133,8 +124,3 @@ def _determinism(first: Rollout) -> Finding:
         for key in ("poses", "qpos", "action", "contacts")
     )
     return Finding("determinism", same, "the same spec gives the same bytes" if same else "a second run differs")
-
-
-def as_dicts(findings: list[Finding]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [vars(f) for f in findings]
