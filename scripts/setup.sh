@@ -139,4 +139,4 @@ if ! renders; then
     fi
 fi
 key > "$STAMP"
-say "ready"
+say "ready; for the command domino-data in this shell: source .venv/bin/activate"

@@ -30,9 +30,9 @@ class FeatureStage:
     uses_models = True
 
     @classmethod
-    def resolve(cls, options: FeatureOptions, masks: MaskStage, device: str) -> "FeatureStage":
-        """Find the encoder. Raises AnnotateError where it is missing."""
-        return cls(options, masks, resolve(options.encoder, options.revision), device)
+    def resolve(cls, options: FeatureOptions, masks: MaskStage, device: str, download: bool = True) -> "FeatureStage":
+        """Find the encoder. Raises NoWeights where it is missing."""
+        return cls(options, masks, resolve(options.encoder, options.revision, download), device)
 
     @property
     def camera(self) -> str:

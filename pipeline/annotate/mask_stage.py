@@ -28,13 +28,13 @@ class MaskStage:
     version = 1
 
     @classmethod
-    def resolve(cls, options: MaskOptions, camera: str, render: Render | None, device: str) -> "MaskStage":
-        """Find the models. Raises AnnotateError where one is missing."""
+    def resolve(cls, options: MaskOptions, camera: str, render: Render | None, device: str, download: bool = True) -> "MaskStage":
+        """Find the models. Raises NoWeights where one is missing."""
         stage = cls(options, camera, render, device)
         if options.source == "sim":
             return stage
-        detector = resolve(options.detector, options.detector_revision)
-        return replace(stage, detector=detector, segmenter=resolve(options.segmenter, options.segmenter_revision))
+        detector = resolve(options.detector, options.detector_revision, download)
+        return replace(stage, detector=detector, segmenter=resolve(options.segmenter, options.segmenter_revision, download))
 
     @property
     def uses_models(self) -> bool:

@@ -29,6 +29,10 @@ _FILES = ("*.json", "*.txt", "*.safetensors")
 _IMAGENET = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
 
 
+class NoWeights(AnnotateError):
+    """A model that is not on this machine, and how to get it."""
+
+
 @dataclass(frozen=True)
 class ModelFiles:
     """A model found on this machine. `digest` is the hash of its configuration, tokenizer and weights; it alone enters keys."""
@@ -39,31 +43,36 @@ class ModelFiles:
     digest: str
 
 
-def resolve(name: str, revision: str | None = None) -> ModelFiles:
-    """Find a model: a local directory, else the hub's cache, else the hub. Raises AnnotateError with how to get it."""
+def resolve(name: str, revision: str | None = None, download: bool = True) -> ModelFiles:
+    """Find a model: a local directory, else the hub's cache, else, with `download`, the hub.
+
+    Raises NoWeights with how to get it, AnnotateError for a directory that holds no model.
+    """
     if not Path(name).is_dir() and name.startswith(("/", ".", "~")):
-        raise AnnotateError(f"model directory {name} does not exist")
-    path = Path(name) if Path(name).is_dir() else _from_hub(ALIASES.get(name, name), revision)
+        raise NoWeights(f"model directory {name} does not exist")
+    path = Path(name) if Path(name).is_dir() else _from_hub(ALIASES.get(name, name), revision, download)
     if not (path / "config.json").is_file() or not list(path.glob("*.safetensors")):
         raise AnnotateError(f"{path} is no model directory: it wants config.json and *.safetensors (as save_pretrained writes)")
     files = sorted({f for pattern in _FILES for f in path.glob(pattern)})
     return ModelFiles(name, revision, str(path), digest([[f.name, _file_digest(f)] for f in files]))
 
 
-def _from_hub(repo: str, revision: str | None) -> Path:
+def _from_hub(repo: str, revision: str | None, download: bool) -> Path:
     try:
         from huggingface_hub import snapshot_download
         from huggingface_hub.errors import HfHubHTTPError, HFValidationError, LocalEntryNotFoundError
     except ImportError as error:
-        raise AnnotateError(f"model {repo} needs huggingface_hub: install the annotate extra") from error
+        raise NoWeights(f"model {repo} needs huggingface_hub: install the annotate extra") from error
     options: dict[str, Any] = {"revision": revision, "allow_patterns": list(_FILES)}
     try:
         with contextlib.suppress(LocalEntryNotFoundError):
             return Path(snapshot_download(repo, local_files_only=True, **options))
+        if not download:
+            raise NoWeights(f"model {repo} is not on this machine; the stage will download it")
         return Path(snapshot_download(repo, **options))
     except (HfHubHTTPError, HFValidationError, LocalEntryNotFoundError, OSError) as error:
         at = f" --revision {revision}" if revision else ""
-        raise AnnotateError(
+        raise NoWeights(
             f"model {repo} is not on this machine and cannot be downloaded ({type(error).__name__}): run `hf download {repo}{at}` "
             "where there is a network, or name a local directory that holds it (--mask-source sim needs no detector)"
         ) from error

@@ -26,10 +26,12 @@ from pipeline.data.spec import EpisodeSpec
 LONGEST = 4000
 """Characters of an expression; deeper trees than these can make would exhaust the stack."""
 
-_KINDS = {name: (get_args(kind) or (kind,))[0] for name, kind in get_type_hints(EpisodeSpec).items()}
-"""Type of every field; of one that may be None, the other type."""
-
 _ARROW = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+_KINDS = {
+    # of a field that may be None, the kind that it has where it is not
+    name: next(kind for kind in (hint, *get_args(hint)) if kind in _ARROW)
+    for name, hint in get_type_hints(EpisodeSpec).items()
+}
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in _KINDS.items()])
 _COMPARE = {
     ast.Eq: operator.eq,

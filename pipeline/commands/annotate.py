@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say
+from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say, warn_of_stale
 from pipeline.run.signals import Stopped, stop_on_signal
 
 
@@ -28,7 +28,7 @@ def annotate(
     executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
     workers: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     address: Address = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write and download nothing.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
@@ -54,6 +54,9 @@ def annotate(
         MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter),
         FeatureOptions(encoder=encoder),
     )
+    source = Dataset(dataset)
+    if source.manifest.exists():
+        warn_of_stale(source, source.recipe())
     try:
         with stop_on_signal():
             values = run(
@@ -61,22 +64,22 @@ def annotate(
                 tuple(listed(stages) or ()),
                 options=options,
                 where=where,
-                render=partial(redraw, bodies=Dataset(dataset).bodies),
+                render=partial(redraw, bodies=source.bodies),
                 execution=Execution(pool_of(executor, workers, address), device, dry_run, progress=not as_json),
             )
     except Stopped:
         print(f"stopped; what is finished is in {dataset}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     if not dry_run:
-        refresh(Dataset(dataset), annotation_sheet)
-    lines = []
+        refresh(source, annotation_sheet)
+    lines, made = [], "to compute" if dry_run else "computed"
     for s in values["stages"]:
         lines.append(
-            f"{s['name']:9} {s['computed']} computed, {s['reused']} reused, {s['invalid']} invalid, {s['failed']} failed, "
+            f"{s['name']:9} {s['computed']} {made}, {s['reused']} reused, {s['invalid']} invalid, {s['failed']} failed, "
             f"{s['waiting']} waiting; hit rate {100 * s['hit_rate']:.0f} %, {s['seconds']:.1f} s"
         )
         lines += [f"  {p}" for p in s["problems"][:5]]
-        lines += [f"  {p['episode']}: {p['action']} ({p['reason']})" for p in s.get("plan", [])]
+        lines += [f"  {p['episode']}: {p['reason']}" for p in s.get("plan", [])]
     say(values, as_json, "\n".join(lines))
     if any(s["failed"] for s in values["stages"]):
         raise typer.Exit(1)

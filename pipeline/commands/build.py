@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import (
+    GIVEN_UP,
     Address,
     Alpha,
     AsJson,
@@ -30,6 +31,7 @@ from pipeline.commands.common import (
     pool_of,
     recipe_of,
     say,
+    table,
 )
 from pipeline.data.dataset import Dataset
 from pipeline.run.signals import Stopped, stop_on_signal
@@ -62,7 +64,7 @@ def build(
     quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a dataset, or go on making it."""
+    """Make a dataset, or go on making it. Exit code 3 when slots were given up."""
     from pipeline.run.build import build as run_build
 
     recipe = recipe_of(
@@ -98,6 +100,13 @@ def build(
         + (f", {result.workers_lost} workers lost and replaced" if result.workers_lost else "")
         + f"); images: {Dataset(out).report}",
     )
+    if result.given_up:
+        print(
+            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
+            "says why",
+            file=sys.stderr,
+        )
+        raise typer.Exit(GIVEN_UP)
 
 
 def plan(
@@ -117,9 +126,14 @@ def plan(
     assets: Assets = None,
     workers: Workers = None,
     out: Annotated[Path | None, typer.Option(help="An existing dataset to count finished slots and times from.")] = None,
+    cells: Annotated[bool, typer.Option("--cells", help="Print a row for every cell.")] = False,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Make four episodes in a temporary directory to see how long they take here.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say what `build` would make, how long it takes and how big it gets. Writes nothing."""
+    """Say what `build` would make, how long it takes and how big it gets. Keeps nothing."""
+    from pipeline.run.cost import measure as run_measure
     from pipeline.run.plan import plan as run_plan
 
     recipe = recipe_of(
@@ -139,15 +153,20 @@ def plan(
         layout=layout,
     )
     _, count = executor_of("ray", workers)
-    values = run_plan(recipe, Dataset(out) if out else None, count)
-    lines = [
-        f"{c['task']:28} {c['embodiment']:14} L{c['level']} alpha {c['alpha']:g} {c['domain']:10} "
-        f"{c['finished']:5} of {c['episodes']}"
-        for c in values["cells"]
-    ]
+    cost = None
+    if measure:
+        print("measuring: four episodes, up to a minute", file=sys.stderr)
+        cost = run_measure(recipe, assets)
+    values = run_plan(recipe, Dataset(out) if out else None, count, cost)
+    lines = []
+    if cells:
+        headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
+        names = ("task", "embodiment", "level", "alpha", "domain", "episodes", "finished")
+        lines.append(table(headers, [[f"{c[n]:g}" if n == "alpha" else c[n] for n in names] for c in values["cells"]]))
     lines.append(
-        f"{len(values['cells'])} cells, {values['slots']} slots, {values['finished']} finished; about "
-        f"{values['estimated_hours']:.2f} h on {count} workers and {values['estimated_bytes'] / 1e9:.2f} GB "
-        f"(from {values['estimate_from']})"
+        f"tasks: {len(recipe.tasks)}, robots: {len(recipe.embodiments)}, levels: {len(recipe.levels)}, "
+        f"cells: {len(values['cells'])}, episodes: {values['slots']:,}"
     )
+    left = values["slots"] - values["finished"]
+    lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
     say(values, as_json, "\n".join(lines))

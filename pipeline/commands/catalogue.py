@@ -1,11 +1,15 @@
-"""tasks, embodiments, objects and assets: what the factory can make, and vendor meshes for robots."""
+"""tasks, embodiments, objects, assets: what the factory can make, whether it keeps its contracts, vendor meshes for robots."""
 
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Levels, UsageError, listed, numbers, say
+from pipeline.commands.common import AsJson, LevelList, UsageError, listed, numbers, say, table
+from pipeline.data.findings import Finding
 
 assets_app = typer.Typer(no_args_is_help=True, help="Optional assets the user brings.")
 
@@ -15,8 +19,10 @@ def tasks(as_json: AsJson = False) -> None:
     from pipeline.tasks.listing import listing
 
     values = listing()
-    text = "\n".join(f"{t['name']:26} {t['category']:13} limit {t['step_limit']:5}  {', '.join(t['objects'])}" for t in values)
-    say(values, as_json, text)
+    rows = [(t["name"], t["category"], t["step_limit"], f"{t['description']} ({', '.join(t['objects'])})") for t in values]
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    lines = table(("task", "kind", "limit (frames)", "what the robot does (bodies)"), rows).splitlines()
+    say(values, as_json, "\n".join(line[:width] for line in lines))
 
 
 def embodiments(as_json: AsJson = False) -> None:
@@ -24,22 +30,24 @@ def embodiments(as_json: AsJson = False) -> None:
     from pipeline.world.robot_listing import listing
 
     values = listing()
-    lines = (
-        f"{e['name']:14} {e['dof']} dof, reach {e['reach']['left']:.2f} m, opening {e['max_opening']['left']:.3f} m, "
-        f"cameras {', '.join(e['cameras'])}"
+    headers = ("robot", "vector width", "reach (m)", "opening (m)", "cameras", "also called")
+    rows = [
+        (
+            *(e["name"], e["dof"], f"{e['reach']['left']:.2f}", f"{e['max_opening']['left']:.3f}"),
+            *(", ".join(e["cameras"]), ", ".join(e["aliases"])),
+        )
         for e in values
-    )
-    say(values, as_json, "\n".join(lines))
+    ]
+    say(values, as_json, table(headers, rows))
 
 
 def check_task(
     name: Annotated[str, typer.Argument(help="The task, or `all`.", metavar="NAME")],
     embodiment: Annotated[str, typer.Option(help="The robot.")] = "aloha",
-    levels: Levels = "0,1,2,3",
+    levels: LevelList = "0,1,2,3",
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 when it does not."""
-    from pipeline.run.check_task import as_dicts
     from pipeline.run.check_task import check_task as check
     from pipeline.tasks import TASKS
     from pipeline.world.robots import get_embodiment
@@ -49,8 +57,26 @@ def check_task(
         raise UsageError(f"no task {name!r}; `domino-data tasks` lists them")
     robot, wanted = get_embodiment(embodiment).name, tuple(numbers(levels, int, "--levels") or ())
     found = {task: check(task, robot, wanted) for task in names}
-    lines = [f"{'ok  ' if f.ok else 'FAIL'} {task}: {f.name}: {f.detail}" for task, all_of in found.items() for f in all_of]
-    say({task: as_dicts(all_of) for task, all_of in found.items()}, as_json, "\n".join(lines))
+    _say_findings(found, as_json)
+
+
+def check_object(
+    name: Annotated[str, typer.Argument(help="The object family, or `all`.", metavar="NAME")], as_json: AsJson = False
+) -> None:
+    """Check that an object family keeps its contract; exit code 1 when it does not."""
+    from pipeline.world.object_check import check_object as check
+    from pipeline.world.objects import FAMILIES
+
+    names = sorted(FAMILIES) if name == "all" else [name]
+    if names[0] not in FAMILIES:
+        raise UsageError(f"no object family {name!r}; `domino-data objects` lists them")
+    _say_findings({family: check(family) for family in names}, as_json)
+
+
+def _say_findings(found: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
+    """Print what checks found, by name of what was checked. Raises typer.Exit(1) where a clause does not hold."""
+    lines = [f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}" for name, all_of in found.items() for f in all_of]
+    say({name: [vars(f) for f in all_of] for name, all_of in found.items()}, as_json, "\n".join(lines))
     if not all(f.ok for all_of in found.values() for f in all_of):
         raise typer.Exit(1)
 
@@ -61,8 +87,8 @@ def objects(
     as_json: AsJson = False,
 ) -> None:
     """List the object families, or draw them."""
-    import pipeline.world.objects  # noqa: F401
-    from pipeline.world.objects.contract import FAMILIES
+    from pipeline.world.object_listing import listing
+    from pipeline.world.objects import FAMILIES
 
     names = listed(families) or sorted(FAMILIES)
     unknown = [name for name in names if name not in FAMILIES]
@@ -72,8 +98,13 @@ def objects(
         from pipeline.world.gallery import write_gallery
 
         write_gallery(gallery, names)
-    shown = "\n".join(names) if gallery is None else str(gallery)
-    say({"families": names, "gallery": str(gallery) if gallery else None}, as_json, shown)
+    described = listing(names)
+    rows = [
+        (name, " x ".join(f"{100 * s:.1f}" for s in d["size"]), ", ".join(d["frames"]), ", ".join(sorted(d["grasps"])))
+        for name, d in described.items()
+    ]
+    shown = table(("family", "size (cm)", "frames", "kinds of grasps"), rows) if gallery is None else str(gallery)
+    say({"families": names, "described": described, "gallery": str(gallery) if gallery else None}, as_json, shown)
 
 
 @assets_app.command("add-robot-meshes")

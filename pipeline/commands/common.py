@@ -1,15 +1,21 @@
 """What the verbs share: options, printing for people or programs, and the recipe that options describe."""
 
 import json
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe import Recipe, read_recipe
 from pipeline.run.names import recipe_from
 from pipeline.run.pool import EXECUTORS, Pool, pick_executor
+
+GIVEN_UP = 3
+"""Exit code of a build that gave slots up: everything else went well, but the dataset lacks episodes (docs/quickstart.md)."""
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 Root = Annotated[Path, typer.Argument(help="The dataset directory.", metavar="DATASET")]
@@ -24,6 +30,34 @@ def say(values: Any, as_json: bool, text: str) -> None:
     print(json.dumps(values, indent=1) if as_json else text)
 
 
+def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Rows under their headers, columns as wide as their longest entry; numbers stand to the right."""
+    lines = [list(map(str, line)) for line in (headers, *rows)]
+    right = [all(line[i].replace(".", "", 1).isdigit() for line in lines[1:]) for i in range(len(headers))]
+    wide = [max(len(line[i]) for line in lines) for i in range(len(headers))]
+    cells = [
+        [text.rjust(n) if to_right else text.ljust(n) for text, n, to_right in zip(line, wide, right, strict=True)]
+        for line in lines
+    ]
+    return "\n".join("  ".join(line).rstrip() for line in cells)
+
+
+def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
+    """Say on standard error how many episodes are of another version of code or recipe; they are used all the same."""
+    from pipeline.run.state import DONE, OPEN, states
+
+    stale = sum(
+        state.todo not in (DONE, OPEN) and state.record is not None and state.record.accepted
+        for _, state in states(dataset, recipe)
+    )
+    if stale:
+        print(
+            f"domino-data: warning: {stale} episodes are of another version of code or recipe and are used as they are; "
+            f"`domino-data status {dataset.root}` says what changed",
+            file=sys.stderr,
+        )
+
+
 def listed(text: str | None) -> list[str] | None:
     """A comma-separated option as a list."""
     return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
@@ -36,26 +70,58 @@ def numbers(text: str | None, kind: type, option: str) -> list[Any] | None:
         raise UsageError(f"{option} {text!r} is not a list of numbers like 1,2,3") from error
 
 
+def _default(key: str) -> str:
+    """What a recipe that does not name a key has there, for --help."""
+    value = Recipe.model_fields[key].default
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
 Manifest = Annotated[Path | None, typer.Option(help="A recipe file (YAML); options given beside it override its keys.")]
-Tasks = Annotated[str | None, typer.Option(help="Task names, comma separated, or `all`.")]
-Embodiment = Annotated[str | None, typer.Option(help="Robot names, comma separated; a pair is written left+right.")]
-Levels = Annotated[str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")]
-Domains = Annotated[str | None, typer.Option(help="clean, randomized or both.")]
-Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comma separated.")]
-Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.")]
-Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.")]
-Attempts = Annotated[int | None, typer.Option(help="Seeds tried for one slot before it is given up.")]
-Rules = Annotated[str | None, typer.Option(help="strict (ours), or domino: sizes, tolerances and conditions of the original.")]
-Contact = Annotated[str | None, typer.Option(help="What the first touch does to the target of a tracking task: stop or continue.")]
-Layout = Annotated[
-    str | None, typer.Option(help="Where the robots' bases stand: ours, or original (those of the original system).")
+Tasks = Annotated[str | None, typer.Option(help="Task names, comma separated, or `all`.", show_default="all")]
+Embodiment = Annotated[
+    str | None,
+    typer.Option(help="Robot names, comma separated; a pair is written left+right.", show_default=_default("embodiments")),
 ]
-Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.")]
+LevelList = Annotated[
+    str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")
+]
+Levels = Annotated[
+    str | None,
+    typer.Option(
+        help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.", show_default=_default("levels")
+    ),
+]
+Domains = Annotated[str | None, typer.Option(help="clean, randomized or both, comma separated.", show_default=_default("domains"))]
+Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comma separated.", show_default=_default("alpha"))]
+Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.", show_default=_default("episodes"))]
+Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.", show_default=_default("seed"))]
+Attempts = Annotated[
+    int | None, typer.Option(help="Seeds tried for one slot before it is given up.", show_default=_default("attempts"))
+]
+Rules = Annotated[
+    str | None,
+    typer.Option(
+        help="strict (ours), or domino: sizes, tolerances and conditions of the original.", show_default=_default("rules")
+    ),
+]
+Contact = Annotated[
+    str | None,
+    typer.Option(
+        help="What the first touch does to the target of a tracking task: stop or continue.", show_default="what the rules say"
+    ),
+]
+Layout = Annotated[
+    str | None,
+    typer.Option(
+        help="Where the robots' bases stand: ours, or original (those of the original system).", show_default=_default("layout")
+    ),
+]
+Render = Annotated[str | None, typer.Option(help="raster, raster-fast or rt.", show_default=_default("render"))]
 Assets = Annotated[
     Path | None, typer.Option(help="Draw robots with the vendor meshes kept here (`assets add-robot-meshes`), where there are any.")
 ]
-Executor = Annotated[str, typer.Option(help="inline, ray or auto.")]
-Workers = Annotated[int | None, typer.Option(help="Worker processes; all cores by default.")]
+Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
+Workers = Annotated[int | None, typer.Option(help="Worker processes.", show_default="all cores")]
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
 
 

@@ -1,8 +1,7 @@
 """export: the episodes of a dataset in another format, whose own options are those of its dataclass."""
 
-import sys
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +9,7 @@ import typer
 from tqdm import tqdm
 from typer.core import TyperCommand
 
-from pipeline.commands.common import AsJson, Root, UsageError, Workers, say
+from pipeline.commands.common import AsJson, Root, UsageError, Workers, say, warn_of_stale
 from pipeline.data.dataset import Dataset
 from pipeline.run.pool import pick_executor
 
@@ -78,7 +77,8 @@ def _described(flags: Mapping[str, Mapping[str, bool]]) -> str:
     lines = ["Options of formats:"]
     for flag, users in flags.items():
         f = next(f for f in fields(EXPORTERS[next(iter(users))].options) if flag_name(f) == flag)
-        lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}")
+        default = "" if f.default is MISSING or isinstance(f.default, bool | None) or f.default == "" else f"; default {f.default}"
+        lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}{default}")
     return "\n\n".join(lines)
 
 
@@ -86,13 +86,12 @@ def export(
     ctx: typer.Context,
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin or parquet.")],
-    out: Annotated[Path | None, typer.Option(help="Where to write; DATASET/exports/FORMAT by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Where to write.", show_default="DATASET/exports/FORMAT")] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a dataset in another format."""
     from pipeline.export import EXPORTERS, Job, parse_options
-    from pipeline.run.state import DONE, OPEN, states
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:
@@ -101,12 +100,13 @@ def export(
     options = parse_options(format_, exporter.options, ctx.meta[GIVEN])
     recipe = source.recipe()
     episodes = source.intact_episodes(recipe)
-    if stale := sum(state.todo not in (DONE, OPEN) for _, state in states(source, recipe)):
-        print(
-            f"domino-data: {stale} slots are of another version of code or recipe; `domino-data status {dataset}`", file=sys.stderr
-        )
     if not episodes:
-        raise UsageError(f"{dataset} has no finished episodes to export")
+        given_up = sum(1 for _ in source.records(recipe))
+        raise UsageError(
+            f"{dataset} has no finished episodes to export: of {sum(1 for _ in recipe.slots())} slots {given_up} were given up and "
+            "the rest is open; `domino-data build` fills them"
+        )
+    warn_of_stale(source, recipe)
     place = out or source.exports(format_)
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
         job = Job(source.root, place, sorted(episodes), options, bar.update, pick_executor("ray", workers)[1])

@@ -9,21 +9,22 @@ from pipeline.data.dataset import Dataset
 def status(dataset: Root, as_json: AsJson = False) -> None:
     """Say what a dataset holds and what went wrong."""
     from pipeline.run.plan import status as run_status
+    from pipeline.run.reasons import Reason
 
     values = run_status(Dataset(dataset))
     lines = [
         f"{path:60} {c['accepted']:5} of {c['wanted']:5}, {c['given_up']} given up, {c['attempts']} attempts"
         for path, c in values["cells"].items()
     ]
-    reasons = ", ".join(f"{reason} {n}" for reason, n in values["reasons"].items()) or "none"
     lines += [
         f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in values["redo"]
     ]
     rate = values["attempt_success"]
     lines.append(
         f"{values['accepted']} of {values['wanted']} accepted, {values['given_up']} given up, {values['open']} open; "
-        f"{values['attempts']} attempts" + (f", {100 * rate:.0f} % succeed" if rate is not None else "") + f"; failures: {reasons}"
+        f"{values['attempts']} attempts" + (f", {100 * rate:.0f} % succeed" if rate is not None else "")
     )
+    lines += [f"  {Reason(**failure).said()}" for failure in values["failures"]] or ["  no attempt failed"]
     say(values, as_json, "\n".join(lines))
 
 

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.errors import DominoError
+from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe, read_recipe
@@ -76,16 +77,21 @@ class Dataset:
         return self.root / "exports" / name
 
     def create(self, recipe: Recipe) -> None:
-        """Freeze the recipe, or check that the directory already holds this one or one with fewer variants, which then grows.
+        """Freeze the recipe, or check that the directory already holds this one or a part of it, which then grows.
 
-        Raises DatasetError where it holds another.
+        Raises DatasetError where it holds another, or more.
         """
         if self.manifest.exists():
             held = self.recipe()
             if held == recipe:
                 return
-            if held.variants > recipe.variants or held.model_copy(update={"variants": recipe.variants}) != recipe:
-                raise DatasetError(f"{self.root} already holds another recipe (see its manifest.yaml): choose another --out")
+            if changed := differences(held, recipe):
+                raise DatasetError(f"{self.root} holds another recipe: {'; '.join(changed)}: choose another --out")
+            if more := left_out(held, recipe):
+                raise DatasetError(
+                    f"{self.root} holds another recipe, with more: {'; '.join(more)}: name all of it and what is new "
+                    "(a dataset only grows), or choose another --out"
+                )
             write_atomic(self.manifest, recipe.to_yaml().encode())
             return
         if self.root.exists() and any(self.root.iterdir()):

@@ -17,6 +17,10 @@ from pipeline.data.rules import Contact, Layout, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 DEFAULT_ALPHA = 0.1
+
+CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
+"""Keys of a recipe that choose slots and change none: a dataset may grow by them."""
+
 _Pixels = Annotated[int, Field(ge=16, le=4096)]
 
 
@@ -63,40 +67,60 @@ class Slot:
 class Recipe(BaseModel):
     """What a dataset is made of. Unknown keys are refused; every field has the default that a bare `build` uses."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     name: str = "domino"
+    """What the dataset is called; changes nothing else."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """From this the seeds of all attempts follow."""
     embodiments: tuple[str, ...] = ("aloha-agilex",)
+    """Robots by name or alias (`domino-data embodiments`); a pair of different arms is written left+right."""
     tasks: tuple[str, ...] = ()
+    """Names of tasks (`domino-data tasks`); `all`, or none, for all of them."""
     levels: tuple[Literal[0, 1, 2, 3], ...] = (1, 2, 3)
+    """How the target moves: 0 stands still, 1 constant velocity, 2 polynomial, 3 two or three abrupt pieces."""
     domains: tuple[Literal["clean", "randomized"], ...] = ("clean",)
+    """Looks and surroundings: clean, or randomized with distractors, other table heights and camera poses."""
     alpha: tuple[Annotated[float, Field(ge=0, le=2)], ...] = (DEFAULT_ALPHA,)
+    """Speed coefficients of the target, m/s."""
     episodes: Annotated[int, Field(ge=1)] | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0)]] = 50
+    """Wanted per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50, randomized: 10}."""
     attempts: Annotated[int, Field(ge=1, le=1000)] = 30
+    """Seeds tried for one slot before it is given up."""
     fps: Literal[5, 10, 12, 15, 20, 24, 30, 40, 48, 60] = DEFAULT_FPS
+    """Recorded frames per second."""
     camera: Literal["L515", "Large_L515", "D435", "Large_D435"] = "D435"
+    """Type of the mounted cameras: image size and field of view."""
     render: Literal["raster", "raster-fast", "rt"] = "raster"
+    """Preset of the renderer; `rt` is ray-traced, about a hundred times slower on a CPU."""
     depth: bool = False
+    """Store depth images (mm)."""
     segmentation: bool = False
+    """Store which body each pixel shows."""
     cameras: tuple[str | NamedCamera, ...] = MOUNTED
-    """Names of data/names.CAMERAS, and cameras described in full."""
+    """Cameras that are stored: head, left, right, observer, and cameras described in full."""
     size: tuple[_Pixels, _Pixels] | None = None
     """Width and height of all images instead of the cameras' own; the vertical field of view stays."""
     pointcloud: bool = False
+    """Store a point cloud of the head camera."""
     visuals: Literal["domain", "clean", "randomized"] = "domain"
     """Looks of room and lights: those of the episode's domain, the clean ones, or drawn from `visual_seed`."""
     visual_seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the looks, where visuals are randomized."""
     variants: Annotated[int, Field(ge=1, le=1000)] = 1
     """Looks drawn of every physics episode."""
     lead: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Seconds that the target moves before the robot starts."""
     speed_bound: Literal["average", "maximum"] = "average"
+    """Which speed of the target alpha bounds at levels 2 and 3: its average (as the paper's appendix does) or its maximum."""
     rules: RuleSet = "strict"
+    """Sizes, tolerances and conditions: strict (ours), or domino (the original's)."""
     contact: Contact | None = None
     """What the first touch does to the target of a tracking task, where it is not what the rules say."""
     layout: Layout = "ours"
     """Where the robots' bases stand: at our places, or at those of the original system."""
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
+    """Sentences made for each of the splits seen and unseen."""
     robot_meshes: Mapping[str, str] = Field(default_factory=dict)
     """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot."""
 

@@ -1,5 +1,8 @@
-"""Exporters by the name of their format. A module below registers its own; docs/formats.md shows one being added."""
+"""Exporters by the name of their format. Every module below is imported here and registers its own, if any; docs/formats.md shows
+one being added."""
 
+import importlib
+import pkgutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,3 +39,7 @@ __all__ = [
     "register",
     "robotwin",
 ]
+
+# last: they import the names above
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")

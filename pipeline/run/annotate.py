@@ -11,7 +11,7 @@ from typing import NotRequired, TypedDict
 from tqdm import tqdm
 
 from pipeline.annotate.options import AnnotateOptions
-from pipeline.annotate.selection import STAGES, build_stages, select_episodes
+from pipeline.annotate.selection import STAGES, Absent, build_for_dry_run, build_stages, select_episodes
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import annotation_path, write_stage
 from pipeline.annotate.work import Outcome, StageWorker
@@ -89,7 +89,7 @@ def annotate(
     """Bring `stages` of a dataset directory up to date and say what was done.
 
     `where` selects episodes (see annotate/select.py); `render` draws episodes again for simulator truth where they store none.
-    A dry run writes nothing, and its report lists what would run and why.
+    A dry run writes and downloads nothing, and its report lists what would run and why; it needs no weights.
 
     Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad `where`, a model without weights), and
     EngineError where workers cannot be started or do not last.
@@ -97,11 +97,16 @@ def annotate(
     options, execution, dataset = options or AnnotateOptions(), execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
     chosen = select_episodes(dataset, where)
-    built = build_stages(options, stages, render, execution.device)
+    build = build_for_dry_run if dry_run else build_stages
+    built = build(options, stages, render, execution.device)
     report: AnnotateReport = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
     with session(execution.pool):
         for stage in built:
             start = time.perf_counter()
+            if isinstance(stage, Absent):
+                done = [Outcome(str(e), "computed", "unknown", stage.reason) for e in chosen]
+                report["stages"].append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
+                continue
             directory = directory_of(stage)
             if not dry_run and chosen:
                 write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
@@ -159,7 +164,7 @@ def leases(episodes: Sequence[str], workers: int) -> Iterator[Lease]:
     return (tuple(episodes[i : i + size]) for i in range(0, len(episodes), size))
 
 
-def _summary(stage: Stage, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool) -> StageReport:
+def _summary(stage: Stage | Absent, directory: str, outcomes: list[Outcome], seconds: float, dry_run: bool) -> StageReport:
     count = Counter(o.action for o in outcomes)
     summary: StageReport = {
         "name": stage.name,

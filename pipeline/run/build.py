@@ -13,10 +13,11 @@ from typing import Any
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.recipe import Recipe
+from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run import running
+from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine import run
 from pipeline.run.keys import code_version
@@ -77,12 +78,11 @@ def build(
     known |= dict.fromkeys(mend_assets(dataset, whole, from_scenes(dataset, recipe)), PHYSICS)
     todo = [slot for slot, part in known.items() if part != DONE]
     parts = [known[slot] for slot in todo]
-    if todo and pool.executor != "inline" and not compiled():
-        warm_up(todo[0].cell.embodiment)
     running.clear_all(dataset, todo)
     progress = Progress(len(slots), len(slots) - len(todo), quiet)
     jobs = deque(SlotJob(str(dataset.root.resolve()), recipe, slot, code_version()) for slot in todo)
     try:
+        _announce(progress, dataset, recipe, todo, pool)
         lost = _fill(dataset, jobs, pool, timeout, progress)
         if recipe.variants > 1:
             progress.close()
@@ -108,6 +108,23 @@ def build(
         reasons=dict(Counter(row["reason"] for row in rows if row["reason"])),
         workers_lost=lost,
     )
+
+
+def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[Slot], pool: Pool) -> None:
+    """Say what will be made; compile what workers would each compile."""
+    if not todo:
+        return
+    cost = cost_of(dataset, recipe)
+    progress.say(
+        f"episodes to make: {len(todo):,}, in {dataset.root}; {cost.said(len(todo), pool.workers)}. "
+        "Ctrl-C stops; the same command goes on"
+    )
+    if not compiled():
+        progress.doing("compiling, once, about 20 s")
+        if pool.executor != "inline":
+            warm_up(todo[0].cell.embodiment)
+    if pool.executor != "inline":
+        progress.doing(f"starting {pool.workers} workers")
 
 
 def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, progress: Progress) -> int:

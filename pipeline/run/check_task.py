@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from pipeline.data.findings import Finding
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.run.reasons import reasons, row_of
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
@@ -22,23 +23,15 @@ LAYOUTS = 40
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One clause of the contract: whether it holds, and what was seen."""
-
-    name: str
-    ok: bool
-    detail: str
-
-
 def check_task(name: str, embodiment: str = "aloha-agilex", levels: tuple[int, ...] = (0, 1, 2, 3)) -> list[Finding]:
     """Check one task on one robot. Raises UnknownName for an unknown task, UnknownEmbodiment for an unknown robot."""
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     findings = [*_layouts(spec)]
     rollouts = {}
     for level in levels:
-        tried, rollout = _first_accepted(replace(spec, level=level))
-        detail = f"seed {rollout.scene.spec.seed} of {tried}" if rollout else f"none of {tried} seeds was accepted"
+        failures, rollout = _first_accepted(replace(spec, level=level))
+        detail = f"seed {rollout.scene.spec.seed}" if rollout else f"none of {SEEDS_PER_LEVEL} seeds was accepted"
+        detail += "".join(f"; {reason.said()}" for reason in reasons(map(row_of, failures)))
         findings.append(Finding(f"level {level}", rollout is not None, detail))
         if rollout:
             rollouts[level] = rollout
@@ -48,27 +41,31 @@ def check_task(name: str, embodiment: str = "aloha-agilex", levels: tuple[int, .
     return findings
 
 
-def _first_accepted(spec: EpisodeSpec) -> tuple[int, Rollout | None]:
+def _first_accepted(spec: EpisodeSpec) -> tuple[list[Failure], Rollout | None]:
+    """The failures of the first seeds and the rollout of the first one that is accepted, if any."""
+    failures = []
     for seed in range(SEEDS_PER_LEVEL):
         try:
-            return seed + 1, attempt(replace(spec, seed=seed), Recipe(), Phases())
-        except Failure:
-            continue
-    return SEEDS_PER_LEVEL, None
+            return failures, attempt(replace(spec, seed=seed), Recipe(), Phases())
+        except Failure as failure:
+            failures.append(failure)
+    return failures, None
 
 
 def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
     task, arms, outside, drawn = TASKS[spec.task], set(), 0, 0
-    scene = None
+    scene, failures = None, []
     for seed in range(LAYOUTS):
         try:
             scene = build_scene(replace(spec, seed=seed))
-        except Failure:
+        except Failure as failure:
+            failures.append(failure)
             continue
         drawn += 1
         arms |= {tuple(sorted(scene.arms.items()))}
         outside += not task.workspace.contains(scene.bodies[task.target].pose)
-    yield Finding("layout", drawn >= 0.9 * LAYOUTS, f"{drawn} of {LAYOUTS} seeds could be laid out")
+    why = "".join(f"; {reason.said()}" for reason in reasons(map(row_of, failures)))
+    yield Finding("layout", drawn >= 0.9 * LAYOUTS, f"{drawn} of {LAYOUTS} seeds could be laid out{why}")
     yield Finding("workspace", outside == 0, f"{outside} targets stand outside the task's workspace")
     both = len(arms) > 1 or any(len({side for _, side in roles}) == 2 for roles in arms)
     yield Finding("arms", both, f"roles seen: {[dict(roles) for roles in sorted(arms)]}")
@@ -127,8 +124,3 @@ def _determinism(first: Rollout) -> Finding:
         for key in ("poses", "qpos", "action", "contacts")
     )
     return Finding("determinism", same, "the same spec gives the same bytes" if same else "a second run differs")
-
-
-def as_dicts(findings: list[Finding]) -> list[dict[str, Any]]:
-    """For JSON."""
-    return [vars(f) for f in findings]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.keys import Key, SlotKeys, digest
-from pipeline.data.recipe import Cell, Recipe, Slot
+from pipeline.data.recipe import CHOOSING, Cell, Recipe, Slot
 from pipeline.run import sources
 from pipeline.tasks import TASKS
 from pipeline.world.objects.contract import FAMILIES
@@ -45,9 +45,6 @@ NUMERIC = {
     "cv2": "opencv-python-headless",
 }
 """Packages whose numbers matter: imported module and distribution."""
-
-IGNORED = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
-"""Keys of a recipe that choose slots and change none."""
 
 FOR_IMAGES = (
     *("render", "depth", "segmentation", "pointcloud", "cameras", "size", "visuals", "visual_seed"),
@@ -94,7 +91,7 @@ def _given(recipe: Recipe) -> dict[str, Any]:
 
     Defaults are left out, so that a key which a later version adds changes nothing; a frozen recipe has all values written out.
     """
-    return recipe.model_dump(mode="json", exclude=set(IGNORED), exclude_defaults=True)
+    return recipe.model_dump(mode="json", exclude=set(CHOOSING), exclude_defaults=True)
 
 
 def code_version() -> str:

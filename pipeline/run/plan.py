@@ -1,29 +1,22 @@
 """`domino-data plan` and `status`: what a recipe asks for, what is there, and what the rest will cost. Writes nothing."""
 
 from collections import Counter
+from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe
+from pipeline.run.cost import Cost, cost_of
+from pipeline.run.reasons import reasons
 from pipeline.run.state import DONE, OPEN, states
 
-SECONDS_PER_EPISODE = 5.0
-"""Core seconds of an accepted episode at 320x240 in the `raster` preset, where the dataset has none of its own yet (README)."""
 
-BYTES_PER_EPISODE = 3.5e6
-
-
-def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any]:
-    """Cells with wanted and finished slots; estimated hours and bytes of the rest, from the dataset's own record if it has one."""
+def plan(recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None) -> dict[str, Any]:
+    """Cells with wanted and finished slots; estimated hours and bytes of the rest from a `cost`, by default that of the dataset's
+    own record if it has one."""
     records = dict(dataset.records(recipe)) if dataset is not None and dataset.manifest.exists() else {}
     done = Counter(slot.cell for slot in records)
-    seconds = [_seconds(r) for r in records.values() if r.accepted]
-    sizes = [dataset.episode(s).stat().st_size for s, r in records.items() if r.accepted] if dataset is not None else []
-    each = float(np.mean(seconds)) if seconds else SECONDS_PER_EPISODE
-    size = float(np.mean(sizes)) if sizes else BYTES_PER_EPISODE
+    cost = cost or cost_of(dataset, recipe)
     cells = [
         {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}
         | {"episodes": recipe.wanted(c) * recipe.variants, "finished": done[c]}
@@ -36,31 +29,27 @@ def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any
         "slots": slots,
         "finished": len(records),
         "workers": workers,
-        "estimated_hours": left * each / 3600 / workers,
-        "estimated_bytes": int(left * size),
-        "estimate_from": "this dataset" if seconds else "benchmarks",
+        "estimated_hours": cost.hours(left, workers),
+        "estimated_bytes": int(left * cost.size),
+        "estimate_from": cost.source,
+        "estimate": cost.said(left, workers),
     }
 
 
-def _seconds(record: SlotRecord) -> float:
-    """What an episode took: all its attempts, or only the drawing where it shows the physics of another."""
-    drawing = sum(seconds for name, seconds in record.phases.items() if not name.endswith(".cpu"))
-    return sum(row["seconds"] for row in record.attempts) or drawing
-
-
 def status(dataset: Dataset) -> dict[str, Any]:
-    """Slots wanted, accepted, given up and open; attempts and their failures by reason; per cell the same; and `redo`: what a build
-    would make again of what is there, and because of which changes, as {"what", "because", "slots"}."""
+    """Slots wanted, accepted, given up and open; attempts, their failures by reason, and these in detail (`failures`, as Reason);
+    per cell the same; and `redo`: what a build would make again of what is there, and because of which changes, as {"what",
+    "because", "slots"}."""
     recipe = dataset.recipe()
     redo = Counter((state.todo, state.because) for _, state in states(dataset, recipe) if state.todo not in (DONE, OPEN))
     cells: dict[str, Counter[str]] = {c.path: Counter(wanted=recipe.wanted(c) * recipe.variants) for c in recipe.cells()}
-    reasons: Counter[str] = Counter()
+    rows: list[dict[str, Any]] = []
     for slot, record in dataset.records(recipe):
         count = cells[slot.cell.path]
         count["accepted" if record.accepted else "given_up"] += 1
         count["attempts"] += len(record.attempts)
         count["solved"] += record.accepted and not slot.variant
-        reasons.update(row["reason"] for row in record.attempts if row["reason"])
+        rows += record.attempts
     total = sum(cells.values(), Counter())
     summary = {key: total[key] for key in ("wanted", "accepted", "given_up", "attempts")}
     rate = total["solved"] / total["attempts"] if total["attempts"] else None
@@ -68,7 +57,8 @@ def status(dataset: Dataset) -> dict[str, Any]:
     return summary | {
         "open": total["wanted"] - total["accepted"] - total["given_up"],
         "attempt_success": rate,
-        "reasons": dict(reasons.most_common()),
+        "reasons": dict(Counter(row["reason"] for row in rows if row["reason"]).most_common()),
+        "failures": [asdict(reason) for reason in reasons(rows)],
         "redo": [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())],
         "cells": {path: {key: count[key] for key in keys} for path, count in cells.items()},
     }

@@ -1,5 +1,6 @@
 """The progress bar of a build."""
 
+import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -14,6 +15,15 @@ class Progress:
         self._bar = tqdm(total=total, initial=done, unit="ep", disable=quiet, dynamic_ncols=True, smoothing=0.1)
         self._attempts = self._accepted = self._lost = 0
         self._reasons: Counter[str] = Counter()
+
+    def say(self, text: str) -> None:
+        """A line above the bar."""
+        if not self._bar.disable:
+            self._bar.write(text, file=sys.stderr)
+
+    def doing(self, text: str) -> None:
+        """Say behind the bar what goes on until the next slot is done."""
+        self._bar.set_postfix_str(text)
 
     def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
         """One slot is done."""

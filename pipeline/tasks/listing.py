@@ -8,7 +8,8 @@ from pipeline.tasks.contract import TASKS, Draw
 
 
 def listing() -> list[dict[str, Any]]:
-    """All tasks by name: category, step limit, target, manipulated body, and the bodies of a scene."""
+    """All tasks by name: category, step limit (frames), target, manipulated body, the bodies of a scene, and the first sentence of
+    the docstring."""
     out = []
     for name, task in sorted(TASKS.items()):
         rng = np.random.default_rng(0)
@@ -21,7 +22,13 @@ def listing() -> list[dict[str, Any]]:
                 "step_limit": task.step_limit,
                 "target": task.target,
                 "manipulated": task.manipulated,
-                "description": (type(task).__doc__ or "").strip().splitlines()[0],
+                "description": _first_sentence(type(task).__doc__ or ""),
             }
         )
     return out
+
+
+def _first_sentence(docstring: str) -> str:
+    """What a docstring says up to its first full stop, blank line or end, on one line."""
+    paragraph = " ".join(docstring.strip().split("\n\n")[0].split())
+    return paragraph.split(". ")[0].rstrip(".")

@@ -75,7 +75,8 @@ def portrait(
 def write_gallery(
     path: Path | str, families: Sequence[str] | None = None, per_family: int = 6, size: tuple[int, int] = (240, 180)
 ) -> None:
-    """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with frames and grasps marked.
+    """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with frames and grasps marked. The folder
+    of the page is made where there is none.
 
     Raises KeyError, naming the families, for an unknown one, and NoRenderer where nothing can draw.
     """
@@ -88,6 +89,7 @@ def write_gallery(
         for name in names
     }
     page = render_page("pipeline.world", "gallery.html", families=exhibits, width=size[0])
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(page, encoding="utf-8")
 
 

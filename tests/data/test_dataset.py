@@ -49,7 +49,56 @@ def test_a_directory_keeps_its_recipe_and_refuses_another(tmp_path):
     assert dataset.recipe() == RECIPE
 
 
-def test_a_directory_grows_by_variants_and_by_nothing_else(tmp_path):
+GROWN = (
+    {"episodes": 5},
+    {"episodes": {"clean": 2}},
+    {"levels": (3, 2, 1)},
+    {"tasks": ("beat_block_hammer", "click_bell")},
+    {"embodiments": ("aloha-agilex", "piper"), "robot_meshes": {"piper": "ab"}},
+    {"domains": ("randomized", "clean"), "episodes": {"clean": 2, "randomized": 1}},
+    {"alpha": (0.05, 0.1)},
+    {"name": "bells"},
+)
+
+
+@pytest.mark.parametrize("more", GROWN)
+def test_a_directory_grows_to_any_recipe_that_holds_its_slots(tmp_path, more):
+    dataset, larger = Dataset(tmp_path), RECIPE.model_copy(update=more)
+    assert set(RECIPE.slots()) <= set(larger.slots())
+    dataset.create(RECIPE)
+    for slot in RECIPE.slots():
+        finish(dataset, slot)
+    dataset.create(larger)
+    assert dataset.recipe() == parse_recipe(larger.model_dump())
+    assert {slot for slot, _ in dataset.records(dataset.recipe())} == set(RECIPE.slots())
+    if set(RECIPE.slots()) < set(larger.slots()):
+        with pytest.raises(DatasetError, match=r"another recipe, with more: .* name all of it"):
+            dataset.create(RECIPE)
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"levels": (1, 2)}, "levels 3"),
+        ({"tasks": ("shake_bottle",)}, "tasks click_bell"),
+        ({"episodes": 1}, "2 episodes a cell"),
+        ({"alpha": (0.2,)}, "alpha 0.1"),
+        ({"episodes": {"randomized": 2}}, "2 episodes a cell"),
+        ({"seed": 3}, "seed is 0 there, not 3"),
+        ({"fps": 30, "levels": (0, 1, 3)}, "fps is 15 there, not 30"),
+        ({"robot_meshes": {"aloha-agilex": "ab"}}, "aloha-agilex has no or other vendor meshes"),
+    ],
+)
+def test_a_recipe_that_leaves_out_or_changes_what_is_held_is_refused(tmp_path, other, said):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    with pytest.raises(DatasetError, match=said) as error:
+        dataset.create(RECIPE.model_copy(update=other))
+    assert "\n" not in str(error.value)
+    assert dataset.recipe() == RECIPE
+
+
+def test_a_directory_grows_by_variants(tmp_path):
     dataset = Dataset(tmp_path / "out")
     two, three = (RECIPE.model_copy(update={"visuals": "randomized", "variants": n}) for n in (2, 3))
     dataset.create(two)

@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.annotate.flow import Colour
 from pipeline.annotate.keys import AnnotateError
-from pipeline.annotate.options import AnnotateOptions, FlowOptions
+from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions
 from pipeline.annotate.store import read_entry
 from pipeline.run.annotate import Execution, annotate
 from tests.synthetic import HALF, episode_path, make_episode, square_corner
@@ -227,3 +227,19 @@ def test_sim_flow_points_where_the_square_goes(tmp_path: Path):
     # the image's square is placed on whole pixels and lies at a made-up depth of 0.85 m
     assert inside[..., 0].mean() == pytest.approx(corners[1][0] - corners[0][0], rel=0.3)
     assert abs(inside[..., 1]).max() < 0.5
+
+
+def test_a_dry_run_needs_no_weights_and_downloads_none(tmp_path: Path, monkeypatch):
+    dataset(tmp_path / "data")
+    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("socket.socket.connect", lambda *_: pytest.fail("a dry run asks the network"))
+    options = AnnotateOptions(masks=MaskOptions(detector=str(tmp_path / "nowhere")))
+    report = annotate(tmp_path / "data", options=options, execution=Execution(dry_run=True))
+    assert [counts(report, name) for name in ("flow", "masks", "features")] == [(3, 0, 0)] * 3
+    assert "nowhere" in one(report, "masks")["plan"][0]["reason"]
+    hub = annotate(tmp_path / "data", ["masks"], execution=Execution(dry_run=True))
+    assert "grounding-dino-tiny is not on this machine" in one(hub, "masks")["plan"][0]["reason"]
+    assert not (tmp_path / "data" / "annotations").exists() and not (tmp_path / "cache").exists()
+    with pytest.raises(AnnotateError, match="nowhere"):
+        annotate(tmp_path / "data", ["masks"], options=options)

@@ -13,6 +13,8 @@ import pytest
 
 from pipeline.cli import main
 from pipeline.run.names import recipe_from
+from pipeline.stages.failure import Failure
+from pipeline.stages.hints import NO_MOTION_HINTS
 from tests.run.command import PATIENCE, ROOT, WANTED, build, contents, run, slots, start, temporaries
 from tests.synthetic import make_episode
 
@@ -83,6 +85,29 @@ def test_a_finished_dataset_is_left_as_it_is(mine, capsys, monkeypatch):
     assert code == 2
     assert "another recipe" in err
     assert {p: p.stat().st_mtime_ns for p in mine.glob("episodes/**/*.hdf5")} == before
+
+
+def test_a_dataset_grows_and_keeps_what_it_holds(mine, capsys, monkeypatch):
+    before = {p: p.read_bytes() for p in mine.glob("episodes/**/*.hdf5")}
+    larger = (*WANTED, "--levels", "0,1,2,3", "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, err = command(capsys, monkeypatch, "build", *larger)
+    assert (code, err) == (0, "")
+    assert (json.loads(out)["made"], json.loads(out)["accepted"]) == (1, 4)
+    assert {p: p.read_bytes() for p in before} == before
+    code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet")
+    assert (code, out) == (2, "")
+    assert "levels 0" in err and err.count("\n") == 1
+
+
+def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(mine, capsys, monkeypatch):
+    for entry in mine.glob("ledger/**/*.json"):
+        record = json.loads(entry.read_text())
+        record["keys"]["physics"]["core"] = "0" * 32
+        entry.write_text(json.dumps(record))
+    for words in (("export", mine, "--format", "parquet"), ("annotate", mine, "--stages", "flow", "--flow-stride", "2")):
+        code, out, err = command(capsys, monkeypatch, *words, "--json")
+        assert (code, json.loads(out)["episodes"]) == (0, 3)
+        assert "warning: 3 episodes are of another version" in err and err.count("\n") == 1
 
 
 def test_exports_are_checked_against_the_episodes(mine, capsys, monkeypatch):
@@ -200,6 +225,25 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path):
     assert len(err.strip().splitlines()) == 1
     assert "too large" in err
     assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == ["provenance.json"]
+
+
+def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, capsys, monkeypatch):
+    def failing(*_):
+        raise Failure("back_calculate", "no_motion", "workspace 828, visibility 1, blocked 171")
+
+    monkeypatch.setattr("pipeline.run.slot.attempt", failing)
+    arguments = (*WANTED, "--attempts", "2", "--out", tmp_path / "out", "--quiet", "--executor", "inline")
+    code, out, err = command(capsys, monkeypatch, "build", *arguments)
+    assert code == 3
+    assert "0 of 3 episodes" in out
+    assert err.count("\n") == 1 and "3 slots were given up after 2 attempts each" in err and "domino-data status" in err
+    assert command(capsys, monkeypatch, "build", *arguments)[0] == 3
+    code, out, _ = command(capsys, monkeypatch, "status", tmp_path / "out")
+    assert code == 0
+    assert "6 x back_calculate: no_motion (motions refused: workspace 4968, blocked 1026, visibility 6)" in out
+    assert NO_MOTION_HINTS["workspace"] in out
+    rows = pq.read_table(tmp_path / "out" / "attempts.parquet").to_pylist()
+    assert {row["detail"] for row in rows} == {"workspace 828, visibility 1, blocked 171"}
 
 
 # --- planning and bad input -------------------------------------------------------------------------------------------------

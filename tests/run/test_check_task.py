@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.run.check_task import check_task
+from pipeline.stages.hints import HINTS
 from pipeline.tasks import TASKS, Task
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
@@ -62,6 +63,15 @@ def test_conditions_without_stable_names_are_found_out(documented_task, monkeypa
     findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
     assert not findings["level 0 conditions"].ok
     assert said in findings["level 0 conditions"].detail
+
+
+def test_a_task_that_fails_says_what_exactly_and_what_to_change(documented_task, monkeypatch):
+    monkeypatch.setattr("pipeline.run.check_task.SEEDS_PER_LEVEL", 2)
+    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True, "painted": False})
+    finding = next(f for f in check_task(documented_task, levels=(0,)) if f.name == "level 0")
+    assert not finding.ok
+    assert finding.detail.startswith("none of 2 seeds was accepted; 2 x dry_run: no_success (not fulfilled: painted 2); ")
+    assert HINTS["no_success"] in finding.detail
 
 
 def test_a_task_that_never_meets_its_target_is_found_out(documented_task, monkeypatch):

@@ -35,7 +35,7 @@ def test_marks_change_the_picture():
 
 
 def test_the_page_is_self_contained(tmp_path):
-    page = tmp_path / "objects.html"
+    page = tmp_path / "not" / "there" / "objects.html"
     write_gallery(page, ["mug", "bell"], per_family=2, size=(64, 48))
     text = page.read_text()
     images = re.findall(r'<img src="data:image/jpeg;base64,([^"]+)">', text)

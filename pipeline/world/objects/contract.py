@@ -1,6 +1,6 @@
 """What an object family is: parameters drawn once; shape, frames and words follow from them.
 
-`pipeline.world.objects` lists the families; docs/add_a_task.md shows how to add one.
+`pipeline.world.objects` lists the families; docs/add_an_object.md shows how to add one.
 """
 
 from collections.abc import Callable, Mapping

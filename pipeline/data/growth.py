@@ -1,0 +1,38 @@
+"""Whether one recipe asks for all that another one holds, and for the same: then a dataset may grow from the one to the other."""
+
+from collections.abc import Iterator
+
+from pipeline.data.recipe import CHOOSING, Recipe
+
+_LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
+
+
+def differences(held: Recipe, wanted: Recipe) -> list[str]:
+    """One phrase for each key that changes what is held already; nothing where only slots are added.
+
+    Vendor meshes may be added for robots that are new.
+    """
+    values, others = (recipe.model_dump(mode="json", exclude={*CHOOSING, "robot_meshes"}) for recipe in (held, wanted))
+    found = [f"{key} is {values[key]!r} there, not {others[key]!r}" for key in values if values[key] != others[key]]
+    for robot in sorted({*held.robots()} & {*wanted.robots()}):
+        if held.robot_meshes.get(robot) != wanted.robot_meshes.get(robot):
+            found.append(f"{robot} has {'vendor' if robot in held.robot_meshes else 'no or other vendor'} meshes there (--assets)")
+    return found
+
+
+def left_out(held: Recipe, wanted: Recipe) -> list[str]:
+    """One phrase for each key by which slots that are held would be left out; nothing where all of them are wanted."""
+    return list(_left_out(held, wanted))
+
+
+def _left_out(held: Recipe, wanted: Recipe) -> Iterator[str]:
+    cells = set(wanted.cells())
+    lacking = [cell for cell in held.cells() if held.wanted(cell) and cell not in cells]
+    for key in _LISTS if lacking else ():
+        if missing := [value for value in getattr(held, key) if value not in getattr(wanted, key)]:
+            yield f"{key} {', '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in missing)}"
+    fewer = {held.wanted(cell) for cell in held.cells() if cell in cells and wanted.wanted(cell) < held.wanted(cell)}
+    if fewer:
+        yield f"{max(fewer)} episodes a cell"
+    if held.variants > wanted.variants:
+        yield f"{held.variants} variants"

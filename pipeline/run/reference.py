@@ -1,0 +1,176 @@
+"""The tables of the documents that follow from the code: `python -m pipeline.run.reference docs/*.md` writes them anew.
+
+A page marks where a table goes by a line `<!-- generated: NAME -->`; it ends at the line `<!-- end -->`.
+"""
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import PydanticUndefined
+
+from pipeline.data.recipe import Recipe
+from pipeline.expert import scripts, skills
+from pipeline.expert.grasping import GraspOptions
+from pipeline.stages.hints import HINTS, NO_MOTION_HINTS
+from pipeline.tasks.contract import Draw, Placement, Region, Task
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.object_listing import listing
+from pipeline.world.objects import FAMILIES
+
+TABLES: dict[str, Callable[[], str]] = {}
+
+
+def table[F: Callable[[], str]](make: F) -> F:
+    """Enter a table under the name of its function."""
+    TABLES[make.__name__] = make
+    return make
+
+
+def with_tables(page: str) -> str:
+    """The text of a page with every table as it follows from the code now. Raises KeyError for a table that does not exist."""
+
+    def again(found: re.Match[str]) -> str:
+        return f"{found[1]}{TABLES[found[2]]()}\n{found[3]}"
+
+    return re.sub(r"(^<!-- generated: (\w+) -->\n).*?(^<!-- end -->$)", again, page, flags=re.MULTILINE | re.DOTALL)
+
+
+def rows(headers: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    body = [" | ".join(cell.replace("|", "\\|") for cell in line) for line in lines]
+    ruler = "|".join("---" for _ in headers)
+    return "\n".join((f"| {' | '.join(headers)} |", f"|{ruler}|", *(f"| {line} |" for line in body)))
+
+
+def said(thing: object) -> str:
+    """The first paragraph of a docstring on one line."""
+    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+
+
+def whole(thing: object) -> str:
+    """A docstring on one line."""
+    return " ".join((inspect.getdoc(thing) or "").split())
+
+
+def signature(name: str, function: Callable[..., Any]) -> str:
+    """How a function is called: names of its arguments with their defaults, numbers rounded; neither types nor self."""
+    parts, keyword_only = [], False
+    for p in inspect.signature(function).parameters.values():
+        if p.name == "self":
+            continue
+        if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
+            parts.append(("*" if p.kind is p.VAR_POSITIONAL else "**") + p.name)
+            continue
+        if p.kind is p.KEYWORD_ONLY and not keyword_only:
+            parts, keyword_only = [*parts, "*"], True
+        parts.append(p.name if p.default is p.empty else f"{p.name}={plain(p.default)}")
+    return f"`{name}({', '.join(parts)})`"
+
+
+def plain(value: object) -> str:
+    """A default as it is written in a call or a recipe."""
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(plain, value))}{',' if len(value) == 1 else ''})"
+    if type(value).__module__ == "pipeline.data.rules":
+        return "STRICT"
+    return repr(value)
+
+
+@table
+def skill_functions() -> str:
+    """Skills and what they do."""
+    every = {name: getattr(skills, name) for name in skills.__all__ if callable(getattr(skills, name))}
+    every |= {name: getattr(scripts, name) for name in ("set_down_on", "let_go")}
+    lines = [(signature(name, f), said(f)) for name, f in every.items()]
+    lines.append(("`kinds`, `goals`, `standoff`, `pitch` of `grasp`", whole(GraspOptions)))
+    return rows(("skill", "what it does"), lines)
+
+
+@table
+def outcome_questions() -> str:
+    """Questions that success conditions ask."""
+    methods = [(n, m) for n, m in vars(Outcome).items() if inspect.isfunction(m) and not n.startswith("_")]
+    return rows(("question", "answer"), [(signature(f"o.{n}", m), said(m)) for n, m in methods])
+
+
+@table
+def placements() -> str:
+    """A placement, its region, and the random choices."""
+    lines = [(signature(cls.__name__, cls), whole(cls)) for cls in (Placement, Region)]
+    lines += [(signature(f"draw.{n}", m), said(m)) for n, m in vars(Draw).items() if inspect.isfunction(m) and n[0] != "_"]
+    return rows(("call", "meaning"), lines)
+
+
+@table
+def task_attributes() -> str:
+    """Class attributes of a task with their defaults."""
+    hints = {name: hint for name, hint in inspect.get_annotations(Task).items() if name != "name"}
+    defaults = {name: f"`{plain(getattr(Task, name))}`" if hasattr(Task, name) else "must be given" for name in hints}
+    defaults |= dict.fromkeys(("seen", "unseen"), "from `phrases/NAME.txt`") | {"manipulated": "the target"}
+    return rows(("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()])
+
+
+@table
+def reasons() -> str:
+    """Reasons of failure and what to change."""
+    lines = [(f"`{reason}`", hint) for reason, hint in HINTS.items()]
+    lines += [(f"`no_motion`, mostly `{check}`", hint) for check, hint in NO_MOTION_HINTS.items()]
+    return rows(("reason", "what to change first"), lines)
+
+
+@table
+def families() -> str:
+    """Object families with their frames and grasps, of the instance of seed 0."""
+    described = listing(sorted(FAMILIES))
+    lines = [
+        (f"`{name}`", " x ".join(f"{100 * s:.1f}" for s in d["size"]), ", ".join(d["frames"]), ", ".join(sorted(d["grasps"])))
+        for name, d in described.items()
+    ]
+    return rows(("family", "size of seed 0 (cm)", "frames", "kinds of grasps"), lines)
+
+
+@table
+def recipe_keys() -> str:
+    """Keys of a recipe with their defaults and meaning."""
+    return rows(("key", "default", "meaning"), [_recipe_key(name) for name in Recipe.model_fields])
+
+
+def _recipe_key(name: str) -> tuple[str, str, str]:
+    field = Recipe.model_fields[name]
+    value = field.default if field.default is not PydanticUndefined else field.default_factory()  # pyright: ignore
+    text = ", ".join(map(str, value)) if isinstance(value, tuple) else "" if isinstance(value, Mapping) else _yaml(value)
+    allowed = _allowed(Recipe.model_json_schema()["properties"][name])
+    return f"`{name}`", f"`{text}`" if text else "none", " ".join((field.description or "").split()) + allowed
+
+
+def _yaml(value: object) -> str:
+    """A single value as a recipe has it."""
+    return str(value).lower() if isinstance(value, bool) else "null" if value is None else str(value)
+
+
+def _allowed(schema: Mapping[str, Any]) -> str:
+    """What values a key may have, from its JSON schema."""
+    schema = schema.get("anyOf", [schema])[0]
+    one = schema.get("items", schema) if schema.get("type") == "array" else schema
+    if choices := one.get("enum"):
+        return f" One of {', '.join(map(str, choices))}." if one is schema else f" Any of {', '.join(map(str, choices))}."
+    bounds = [one[key] for key in ("minimum", "maximum") if key in one]
+    if not bounds:
+        return ""
+    return f" From {bounds[0]:g} to {bounds[1]:g}." if len(bounds) == 2 else f" {bounds[0]:g} or more."
+
+
+def main(paths: Sequence[str]) -> None:
+    """Write the tables of these pages anew."""
+    for path in map(Path, paths):
+        path.write_text(with_tables(path.read_text()))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

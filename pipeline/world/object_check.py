@@ -1,0 +1,216 @@
+"""`domino-data check-object NAME`: does an object family keep its contract (world/objects/contract.py)? No robot, no images."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import sapien
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from pipeline.data.findings import Finding
+from pipeline.poses import Pose, inverse, pose, quat_rotate, transform
+from pipeline.world.body import TABLE_TOP, Body
+from pipeline.world.objects.contract import FAMILIES, Family, Grasp
+from pipeline.world.objects.words import SEEN, UNSEEN
+from pipeline.world.scene_building import add_body, add_table
+from pipeline.world.shapes import Collider, Shape
+
+INSTANCES, BUILT = 20, 5
+"""Instances drawn, and how many of them are built and put on a table."""
+
+TRIANGLES = 800
+FIT = 0.009
+"""m that the drawn shape and the collision pieces may differ by along each axis."""
+
+WIDEST = 0.075
+"""m between the fingers: what every robot's jaws can open to."""
+
+SLACK = 0.003
+"""m by which a grasp's `width` may miss the material."""
+
+AROUND, STEP = 0.01, 0.00025
+"""m beyond the pads that are looked at, and how finely."""
+
+AHEAD = (0.0, 0.004, 0.008, 0.012)
+"""m in front of the tcp, inside the pads, where a grasp may meet material."""
+
+SECONDS = 1.0
+
+
+def check_object(name: str) -> list[Finding]:
+    """Check one object family, on instances of seeds 0, 1, 2 ... Raises UnknownName for a family that does not exist."""
+    family = FAMILIES[name]
+    drawn = [family.draw(_rng(seed)) for seed in range(INSTANCES)]
+    built = [(one, one.shape()) for one in drawn[:BUILT]]
+    return [
+        _drawing(family, drawn),
+        _meshes(built),
+        _fit(built),
+        _frames(built),
+        _grasps(built),
+        _words(drawn),
+        _rest(name, built),
+    ]
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(seed))
+
+
+def _judged(name: str, problems: Iterator[str] | Sequence[str], good: str) -> Finding:
+    """The first problem, or what is good."""
+    first = next(iter(problems), None)
+    return Finding(name, first is None, first or good)
+
+
+def _drawing(family: type[Family], drawn: Sequence[Family]) -> Finding:
+    def problems() -> Iterator[str]:
+        if list(drawn) != [family.draw(_rng(seed)) for seed in range(INSTANCES)]:
+            yield "the same seed draws another instance: take every random number from `rng`, and make the class a frozen dataclass"
+        different = len(set(drawn))
+        if different < INSTANCES:
+            yield f"{INSTANCES} seeds draw {different} instances: draw its sizes and colours from `rng`"
+
+    return _judged("drawing", problems(), f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same")
+
+
+def _meshes(built: Sequence[tuple[Family, Shape]]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one, shape in built:
+            count = sum(len(mesh.triangles) for mesh, _ in shape.visual)
+            if count > TRIANGLES:
+                yield f"{one}: {count} triangles are drawn: {TRIANGLES} at most, so that frames stay cheap (fewer sides or levels)"
+            for mesh, material in shape.visual:
+                if not np.isfinite(mesh.vertices).all() or mesh.triangles.max() >= len(mesh.vertices):
+                    yield f"{one}: a mesh has vertices that are not finite, or triangles of vertices that it does not have"
+                if np.abs(np.linalg.norm(mesh.normals, axis=1) - 1).max() > 1e-4:
+                    yield f"{one}: a mesh has normals that are not of length 1"
+                if material.texture is not None and mesh.uvs is None:
+                    yield f"{one}: a mesh with a texture has no uvs"
+
+    return _judged("meshes", problems(), f"at most {TRIANGLES} triangles, finite, with unit normals")
+
+
+def _fit(built: Sequence[tuple[Family, Shape]]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one, shape in built:
+            points = np.concatenate([mesh.vertices for mesh, _ in shape.visual])
+            seen, solid = np.stack([points.min(0), points.max(0)]), shape.aabb()
+            if abs(seen[0, 2]) > 1e-3 or abs(solid[0, 2]) > 1.5e-3:
+                yield f"{one}: its lowest point is at z = {seen[0, 2]:.4f} m drawn, {solid[0, 2]:.4f} m solid: the base is at z = 0"
+            apart = np.maximum(solid[0] - seen[0], seen[1] - solid[1]).max()
+            if apart > FIT:
+                yield f"{one}: what is drawn reaches {1000 * apart:.0f} mm out of its collision pieces: {1000 * FIT:.0f} mm at most"
+            if not (0.001 < shape.mass < 12 and 0.2 <= shape.friction <= 1.0):
+                yield f"{one}: mass {shape.mass:.4g} kg, friction {shape.friction:g}: 0.001 to 12 kg and 0.2 to 1 are sensible"
+
+    return _judged("shape", problems(), "stands on z = 0; what is drawn and what is solid agree")
+
+
+def _frames(built: Sequence[tuple[Family, Shape]]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one, shape in built:
+            points, (lower, upper) = one.frames().points, shape.aabb()
+            if missing := {"base", "top"} - points.keys():
+                yield f"{one}: has no frame {' and no frame '.join(sorted(missing))}: every object has base (the origin) and top"
+                continue
+            if np.abs(points["base"] - pose((0, 0, 0))).max() > 1e-9:
+                yield f"{one}: its frame base is not the origin: mark(0, 0, 0)"
+            if abs(points["top"][2] - upper[2]) > FIT:
+                yield f"{one}: its frame top is at z = {points['top'][2]:.3f} m, the object ends at {upper[2]:.3f} m"
+            for label, p in points.items():
+                if abs(np.linalg.norm(p[3:]) - 1) > 1e-9 or np.any((p[:3] < lower - 0.01) | (p[:3] > upper + 0.01)):
+                    yield f"{one}: its frame {label} lies more than 1 cm off the object, or its quaternion is not of length 1"
+
+    return _judged("frames", problems(), ", ".join(built[0][0].frames().points))
+
+
+def _grasps(built: Sequence[tuple[Family, Shape]]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one, shape in built[:2]:
+            for g in one.frames().grasps:
+                if not 0 < g.width <= WIDEST:
+                    yield f"{one}: a grasp of kind {g.kind} is {g.width:.3f} m wide: more than 0, and {WIDEST} m at most"
+                elif not any(_holds(shape.collision, g, ahead) for ahead in AHEAD):
+                    at = ", ".join(f"{x:.3f}" for x in g.pose[:3])
+                    yield (
+                        f"{one}: a grasp of kind {g.kind} at ({at}) m holds nothing {1000 * g.width:.1f} mm wide: along its "
+                        f"opening direction (y) the collision pieces must end {1000 * g.width / 2:.1f} mm to either side of the tcp"
+                    )
+
+    kinds = sorted({g.kind for g in built[0][0].frames().grasps})
+    count = len(built[0][0].frames().grasps)
+    return _judged(
+        "grasps", problems(), f"{count}, of kinds {', '.join(kinds)}" if kinds else "none: it can only be pressed or put on"
+    )
+
+
+def _holds(pieces: Sequence[Collider], g: Grasp, ahead: float) -> bool:
+    """Whether along the opening direction material ends, within SLACK, at both pads."""
+    approach, opening = quat_rotate(g.pose[3:], np.eye(3)[:2])
+    offsets = np.arange(-g.width / 2 - AROUND, g.width / 2 + AROUND, STEP)
+    points = g.pose[:3] + ahead * approach + offsets[:, None] * opening
+    solid = offsets[np.any([_inside(piece, points) for piece in pieces], axis=0)]
+    return len(solid) > 0 and bool(max(abs(solid[0] + g.width / 2), abs(solid[-1] - g.width / 2)) < SLACK)
+
+
+def _inside(piece: Collider, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (N,3) of the body frame lie in a collision piece."""
+    local = transform(inverse(piece.pose), points)
+    if piece.kind == "box":
+        return np.all(np.abs(local) <= piece.size, axis=1)
+    if piece.kind == "convex":
+        assert piece.vertices is not None
+        planes = ConvexHull(piece.vertices).equations
+        return np.all(local @ planes[:, :3].T + planes[:, 3] <= 0, axis=1)
+    if piece.kind == "sphere":
+        return np.linalg.norm(local, axis=1) <= piece.size[0]
+    radius, half = piece.size
+    beyond = np.maximum(np.abs(local[:, 2]) - half, 0)
+    across = np.linalg.norm(local[:, :2], axis=1)
+    return np.hypot(across, beyond) <= radius if piece.kind == "capsule" else (across <= radius) & (beyond == 0)
+
+
+def _words(drawn: Sequence[Family]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one in drawn:
+            try:
+                words = one.words()
+            except ValueError as error:
+                yield str(error)
+                continue
+            said = (*words.seen, *words.unseen)
+            if (len(words.seen), len(words.unseen)) != (SEEN, UNSEEN) or len(set(said)) < len(said):
+                yield f"{one}: {len(words.seen)} seen and {len(words.unseen)} unseen descriptions, {len(set(said))} different ones"
+            if words.noun not in words.seen:
+                yield f"{one}: its noun {words.noun!r} is not among its seen descriptions: detectors are asked for it"
+            if wrong := [p for p in said if p != p.strip() or "{" in p or p.lower().startswith(("a ", "an ", "the "))]:
+                yield f"{one}: {wrong[0]!r} begins with an article, or has a slot or spaces left over"
+
+    return _judged("words", problems(), f"{SEEN} seen and {UNSEEN} unseen descriptions")
+
+
+def _rest(name: str, built: Sequence[tuple[Family, Shape]]) -> Finding:
+    def problems() -> Iterator[str]:
+        for one, _ in built:
+            moved, tilt = _settled(Body(name, name, one, pose((0, 0, TABLE_TOP))))
+            if moved > 0.005 or tilt > 2.0:
+                yield (
+                    f"{one}: put on a table it moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in {SECONDS:g} s: "
+                    "give it a flat base of collision pieces"
+                )
+
+    return _judged("rest", problems(), "rests where it is put")
+
+
+def _settled(body: Body) -> tuple[float, float]:
+    """How far (m) a body put on a table has moved along it after SECONDS, and how far (degrees) its z axis has tilted."""
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    scene.set_timestep(1 / 240)
+    add_table(scene)
+    entity = add_body(scene, body, body.pose)
+    for _ in range(round(240 * SECONDS)):
+        scene.step()
+    at: Pose = np.concatenate([entity.pose.p, entity.pose.q]).astype(float)
+    up = quat_rotate(at[3:], np.array([0.0, 0.0, 1.0]))[2]
+    return float(np.linalg.norm(at[:2] - body.pose[:2])), float(np.degrees(np.arccos(np.clip(up, -1, 1))))

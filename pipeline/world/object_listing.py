@@ -1,0 +1,27 @@
+"""What `domino-data objects` prints."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pipeline.world.objects.contract import FAMILIES
+
+
+def listing(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Families by name, from their instance of seed 0: noun, size (m), mass (kg), parameters, named frames as poses (x y z qw qx qy
+    qz in the object's frame), and how many grasps there are of each kind."""
+    out = {}
+    for name in names:
+        one = FAMILIES[name].draw(np.random.Generator(np.random.Philox(0)))
+        shape, frames = one.shape(), one.frames()
+        out[name] = {
+            "noun": one.words().noun,
+            "size": np.ptp(shape.aabb(), axis=0).round(4).tolist(),
+            "mass": round(shape.mass, 4),
+            "parameters": list(vars(one)),
+            "frames": {label: p.round(5).tolist() for label, p in frames.points.items()},
+            "grasps": dict(Counter(g.kind for g in frames.grasps)),
+        }
+    return out

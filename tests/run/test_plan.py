@@ -1,0 +1,63 @@
+"""What a plan says a build will take."""
+
+import pytest
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.recipe import parse_recipe
+from pipeline.run.cost import BYTES_PER_EPISODE, SECONDS_PER_EPISODE, Cost, cost_of
+from pipeline.run.plan import plan
+from pipeline.run.progress import Progress
+from tests.data.test_dataset import KEYS, attempt_row
+
+RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
+
+
+def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    slot = next(iter(RECIPE.slots()))
+    write_atomic(dataset.episode(slot), bytes(5000))
+    rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
+    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "", rows, {"render": 1.0}).to_json())
+    assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
+    values = plan(RECIPE, dataset, workers=2)
+    assert values["finished"] == 1
+    assert values["estimated_hours"] == pytest.approx(3 * 9 / 3600 / 2)
+    assert values["estimated_bytes"] == 15000
+    measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
+    assert measured["estimated_hours"] == pytest.approx(3 * 100 / 3600 / 2) and measured["estimate_from"] == "here"
+
+
+def test_a_plan_of_nothing_uses_the_benchmarks(tmp_path):
+    values = plan(RECIPE, None, workers=1)
+    assert values["estimated_hours"] == pytest.approx(4 * SECONDS_PER_EPISODE / 3600)
+    assert values["estimated_bytes"] == 4 * BYTES_PER_EPISODE
+    assert values["estimate_from"] == "benchmarks"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "episodes", "workers", "said"),
+    [
+        (60, 10, 2, "about 5 min on 2 workers and 20 MB (from x)"),
+        (3600, 3, 1, "about 3.0 h on 1 worker and 6 MB (from x)"),
+        (1, 1000, 10, "about 2 min on 10 workers and 2.0 GB (from x)"),
+    ],
+)
+def test_an_estimate_is_said_in_round_figures(seconds, episodes, workers, said):
+    assert Cost(seconds, 2e6, "x").said(episodes, workers) == said
+
+
+def test_the_bar_says_what_goes_on_before_the_first_episode(capsys):
+    progress = Progress(3, 0)
+    progress.say("3 episodes to make")
+    progress.doing("starting 2 workers")
+    progress.close()
+    err = capsys.readouterr().err
+    assert err.index("3 episodes to make") < err.index("starting 2 workers")
+    quiet = Progress(3, 0, quiet=True)
+    quiet.say("3 episodes to make")
+    quiet.doing("starting 2 workers")
+    quiet.close()
+    assert capsys.readouterr().err == ""

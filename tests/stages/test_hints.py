@@ -1,0 +1,54 @@
+"""Every reason for which an attempt can fail has a hint."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pipeline
+from pipeline.motion.judge import REASONS
+from pipeline.run.pool import Died
+from pipeline.stages.failure import no_success
+from pipeline.stages.hints import HINTS, NO_MOTION_HINTS, hint
+
+ROOT = Path(pipeline.__file__).parent
+
+
+def strings(node: ast.expr, scope: ast.AST) -> Iterator[str]:
+    """The texts that an expression can be: those in it, or those that its name is given in the function around it."""
+    if isinstance(node, ast.Name):
+        for other in ast.walk(scope):
+            if isinstance(other, ast.Assign) and any(isinstance(t, ast.Name) and t.id == node.id for t in other.targets):
+                yield from strings(other.value, scope)
+    else:
+        branches = (node.body, node.orelse) if isinstance(node, ast.IfExp) else (node,)
+        yield from (n.value for branch in branches for n in ast.walk(branch) if isinstance(n, ast.Constant))
+
+
+def raised() -> set[str]:
+    """Reasons with which the sources make a PlanFailure or a Failure."""
+    found = set()
+    for path in [p for room in ("planning", "expert", "tasks", "stages") for p in (ROOT / room).rglob("*.py")]:
+        tree = ast.parse(path.read_text())
+        for scope in [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]:
+            for call in [n for n in ast.walk(scope) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]:
+                place = {"PlanFailure": 0, "Failure": 1}.get(call.func.id)
+                if place is not None and len(call.args) > place:
+                    found |= set(strings(call.args[place], scope))
+    return found
+
+
+def test_every_reason_has_a_hint_and_every_hint_a_reason():
+    reasons = raised() | {no_success("replay", ()).reason, *Died.__annotations__["reason"].__args__}
+    assert {"grasp_blocked", "place_unreachable", "missed", "no_motion"} <= reasons
+    assert reasons == set(HINTS)
+
+
+def test_every_check_of_a_motion_has_a_hint():
+    assert set(NO_MOTION_HINTS) == set(REASONS)
+
+
+def test_the_hint_for_no_motion_is_about_what_refused_most():
+    details = ("no motion of level 3 at alpha 0.1 m/s over 2 s: workspace 10, blocked 8", "blocked 5")
+    assert hint("no_motion", details) == NO_MOTION_HINTS["blocked"]
+    assert hint("no_motion", ["no candidate was allowed"]) == HINTS["no_motion"]
+    assert hint("gremlins") == ""

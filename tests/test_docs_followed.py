@@ -1,0 +1,95 @@
+"""The pages that add something are followed block by block, as written, in a new directory: files are saved, commands are run."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.run.command import ROOT, build
+from tests.world.robots.test_vendor_meshes import vendor_package
+
+BLOCK = re.compile(r"^(?P<before>(?:[^\n]+\n)*)\n?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+SAVED = re.compile(r"[Ss]aved as\s+`([\w/.]+)`")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of a page: its kind, its text, and the file that the paragraph before says to save it as."""
+
+    kind: str
+    text: str
+    file: str | None
+
+
+def blocks(page: Path) -> list[Block]:
+    """The blocks of a page in order."""
+    found = []
+    for match in BLOCK.finditer(page.read_text()):
+        saved = SAVED.findall(match["before"])
+        found.append(Block(match["kind"], match["text"], saved[-1] if saved else None))
+    return found
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A new directory with the package, its tests and its environment, and a home."""
+    tree = tmp_path / "checkout"
+    for name in ("pipeline", "tests", "manifests", "lerobot_env_domino"):
+        shutil.copytree(ROOT / name, tree / name)
+    shutil.copy(ROOT / "pyproject.toml", tree)
+    (tree / ".venv").symlink_to(Path(sys.executable).parents[1])
+    (tmp_path / "home").mkdir()
+    return tree
+
+
+def follow(page: str, tree: Path) -> list[str]:
+    """Save what is to be saved and run every line of the shell blocks, in the order of the page; the lines that were run."""
+    place = {"PYTHONPATH": str(tree), "PATH": f"{tree}/.venv/bin:{os.environ['PATH']}", "HOME": str(tree.parent / "home")}
+    # the test runner of the page's own command must not take this one's workers for its own
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | place
+    run = []
+    for block in blocks(ROOT / "docs" / page):
+        if block.file:
+            (tree / block.file).write_text(block.text)
+        elif block.kind == "sh":
+            for line in block.text.replace("\\\n", " ").splitlines():
+                done = subprocess.run(
+                    ["bash", "-c", line], cwd=tree, env=environment, capture_output=True, text=True, timeout=400, check=False
+                )
+                assert done.returncode == 0, f"{page}: {line}\n{done.stdout}\n{done.stderr}"
+                run.append(line)
+    return run
+
+
+def test_the_page_on_tasks(checkout):
+    ran = follow("add_a_task.md", checkout)
+    assert [line.split()[1:3] for line in ran[:2]] == [["check-task", "lift_can"], ["check-task", "stand_can_pad"]]
+    assert len(list((checkout / "out/check/episodes").rglob("*.hdf5"))) == 2
+
+
+def test_the_page_on_objects(checkout):
+    follow("add_an_object.md", checkout)
+    assert "eraser" in (checkout / "out/eraser.html").read_text()
+
+
+def test_the_page_on_robots(checkout):
+    vendor_package(checkout.parent / "home/vendor/piper_description", "piper")
+    ran = follow("add_a_robot.md", checkout)
+    assert any("pytest" in line for line in ran)
+    assert len(list((checkout / "out/vendor/episodes").rglob("*.hdf5"))) == 1
+
+
+def test_the_page_on_formats(checkout):
+    build(checkout / "out/mine", "--levels", "1", "--executor", "inline")
+    follow("formats.md", checkout)
+    assert [p.name for p in (checkout / "out/mine/exports/npz").glob("*.npz")] == ["episode_0.npz"]
+
+
+def test_the_page_on_recipes(checkout):
+    follow("recipes.md", checkout)
+    assert len(list((checkout / "out/bells/episodes").rglob("*.hdf5"))) == 2
