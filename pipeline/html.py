@@ -8,19 +8,25 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 def render_page(package: str, template: str, **values: object) -> str:
     """The text of `template` in the folder templates/ of a package, filled with `values`.
 
-    All values are escaped. Filters beside jinja2's own: `jpeg` (bytes -> data URI) and `anchor` (title -> id of its section).
+    All values are escaped. Filters beside jinja2's own: `jpeg` and `mp4` (bytes -> data URI), `anchor` (title -> id of its
+    section).
     Raises jinja2.UndefinedError where the template names a value that is not given.
     """
     environment = Environment(
         loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"jpeg": jpeg_uri, "anchor": anchor}
+    environment.filters |= {"jpeg": jpeg_uri, "mp4": mp4_uri, "anchor": anchor}
     return environment.get_template(template).render(**values)
 
 
 def jpeg_uri(jpeg: bytes) -> str:
     """JPEG bytes -> a data URI for `src`."""
     return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
+
+
+def mp4_uri(mp4: bytes) -> str:
+    """MP4 bytes -> a data URI for `src`."""
+    return f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
 
 
 def anchor(title: str) -> str:

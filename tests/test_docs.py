@@ -36,7 +36,7 @@ def test_every_command_shown_parses(page, line):
         assert words[1:] == [".venv/bin/activate"]
     elif name == "make":
         assert {w for w in words[1:] if "=" not in w} <= TARGETS, f"{page}: {line}"
-    elif name == "domino-data":
+    elif name == "domino-data" and "npz" not in words:  # the page's own format: tests/test_docs_followed.py runs it
         assert isinstance(CLI, click.Group | typer.core.TyperGroup)
         verb, *rest = words[1:]
         command = CLI.commands[verb]

@@ -93,13 +93,15 @@ class Moves:
 
 @dataclass(frozen=True)
 class CellCard:
-    """The outcomes of one cell, how its targets move, films of some of its episodes, and why others have no film."""
+    """The outcomes of one cell, how its targets move, frames of some of its episodes, why others have none, and the film (mp4) of
+    the first one, b"" without."""
 
     subtitle: str
     outcomes: Sequence[Bar]
     moves: Moves
     strips: Sequence[Strip]
     unseen: Sequence[str]
+    clip: bytes = b""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.data.atomic import write_atomic
 from pipeline.data.episode import EpisodeError, open_episode
 from pipeline.data.spec import EpisodeSpec
+from pipeline.report.clip import clip
 from pipeline.report.contact_sheet import encode, subtitle
 from pipeline.report.film_strip import film
 from pipeline.report.html import (
@@ -172,4 +173,5 @@ def _cell_card(cell: Cell, rows: Sequence[Mapping[str, Any]], shown: Sequence[Ob
         figures = [Figure(encode(s.rgb, quality=80), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
         strips.append(Strip(figures, COLUMNS))
     words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace("  |  ", " · ")
-    return CellCard(words, _outcomes(rows), _moved(words, rows), strips, unseen)
+    moving = clip(shown[0].path) if strips else b""
+    return CellCard(words, _outcomes(rows), _moved(words, rows), strips, unseen, moving)

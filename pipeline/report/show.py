@@ -1,0 +1,64 @@
+"""One episode to look at: its film, its frames, its sentences and what happened when, as one HTML file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.episode import open_episode
+from pipeline.html import render_page
+from pipeline.report.clip import clip
+from pipeline.report.contact_sheet import encode, subtitle, title
+from pipeline.report.film_strip import film
+from pipeline.report.html import Figure, Strip
+
+COLUMNS, WIDTH = 6, 320
+SENTENCES = 5  # of each split
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the page shows: an mp4 (b"" where none could be made), frames, facts by name, events as (s, what, by), sentences."""
+
+    title: str
+    subtitle: str
+    mp4: bytes
+    cameras: Sequence[str]
+    strip: Strip
+    facts: Mapping[str, str]
+    events: Sequence[tuple[float, str, str]]
+    sentences: Mapping[str, Sequence[str]]
+
+
+def show(episode: Path, page: Path) -> Path:
+    """Write the page of an episode file and return its path. Raises EpisodeError for a file that is no episode."""
+    with open_episode(episode) as e:
+        whole = e.read()
+        meta, log = whole.meta, whole.log
+        cameras = list(e.cameras)
+        sentences = {split: e.instructions(split)[:SENTENCES] for split in ("seen", "unseen")}
+        facts = {
+            "file": str(episode),
+            "seed": str(whole.spec.seed),
+            "length": f"{len(e)} frames at {e.fps} per second, {log.times[-1]:.2f} s",
+            "target": f"{meta.target} ({meta.objects[meta.target].description})",
+            "handled": f"{meta.manipulated} ({meta.objects[meta.manipulated].description})",
+            "arms": ", ".join(f"{role} {side}" for role, side in meta.arms.items()),
+            "meeting planned": f"{meta.meeting_time:.2f} s",
+            "target's speed": f"{meta.average_speed:.3f} m/s on average, {meta.maximum_speed:.3f} at most",
+            "physics": meta.physics_id,
+        }
+        shots = film(episode, COLUMNS, WIDTH).shots
+    figures = [Figure(encode(s.rgb, quality=85), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
+    shown = Shown(
+        title=title(whole.spec),
+        subtitle=subtitle(whole.spec).replace("  |  ", " · "),
+        mp4=clip(episode, 240),
+        cameras=cameras,
+        strip=Strip(figures, COLUMNS),
+        facts=facts,
+        events=[(event.time, event.name, event.by) for event in log.events],
+        sentences=sentences,
+    )
+    write_atomic(page, render_page("pipeline.report", "show.html", shown=shown).encode(errors="replace"))
+    return page
