@@ -20,6 +20,7 @@ HINTS = {
     "path_blocked": _ROOM,
     "line_unreachable": "the straight motion leaves the arm's reach: make it shorter, or begin it nearer to the arm",
     "pose_unreachable": _REACH,
+    "handover_blocked": "no place is found where both arms can hold it: offer more places, or the receiver other grasps",
     "place_blocked": _ROOM,
     "place_unreachable": _REACH,
     "press_blocked": _ROOM,
