@@ -92,13 +92,14 @@ def sweep(directory: Path, pattern: str = "**/.*.tmp") -> int:
 def _writes(pid: int, path: Path) -> bool:
     """Whether that process may be writing `path`: it lives, and it began no later than the last change there.
 
-    A process that began later only has got the number of the one that wrote it.
+    A process that began later only has got the number of the one that wrote it, and a zombie writes no more.
     """
     try:
-        # after the name, which may hold blanks and brackets: field 22 of the line, ticks since the machine started
-        ticks = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19])
+        # after the name, which may hold blanks and brackets: the state, field 3, and field 22, ticks since the machine started
+        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        ticks = int(fields[18])
         up = float(Path("/proc/uptime").read_text().split()[0])
         began = time.time() - up + ticks / os.sysconf("SC_CLK_TCK")
-        return began <= path.stat().st_mtime + CLOCK_SLACK
+        return state not in "ZX" and began <= path.stat().st_mtime + CLOCK_SLACK
     except OSError:
         return False

@@ -93,6 +93,8 @@ def build(
     finally:
         progress.close()
         running.clear_all(dataset, todo)
+        # a worker that was killed may have been writing an asset
+        sweep(dataset.assets)
         dataset.write_attempts(recipe)
         write_atomic(dataset.provenance, json.dumps(provenance(device, recipe), indent=2, sort_keys=True).encode())
     records = [record for _, record in dataset.records(recipe)]

@@ -105,6 +105,16 @@ def test_only_what_dead_processes_of_this_host_left_is_swept(tmp_path):
     assert everything(dead.parent) == []
 
 
+def test_what_a_zombie_left_is_swept(tmp_path):
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    left = tmp_path / f".a.{socket.gethostname()}.{child.pid}.tmp"
+    left.touch()
+    # waits for its end and leaves it a zombie
+    os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+    assert sweep(tmp_path) == 1
+    child.wait()
+
+
 def test_a_failed_write_is_not_renamed(tmp_path):
     with pytest.raises(ValueError, match="half"), atomic_path(tmp_path / "x") as temporary:
         temporary.write_bytes(b"half")

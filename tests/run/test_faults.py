@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.data.atomic import temporary_name
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe
@@ -40,13 +41,16 @@ def seeds(recipe: Recipe) -> list[list[int]]:
 
 
 def fatal_fill_slot(job: SlotJob) -> SlotRecord:
-    """Fill a slot where seeds fail, but the second seed of slot 0 kills its worker, always; the third of slot 1 stops it, always;
-    and the first of slot 2 kills it once."""
+    """Fill a slot where seeds fail, but the second seed of slot 0 kills its worker in the middle of writing an asset, always; the
+    third of slot 1 stops it, always; and the first of slot 2 kills it once."""
     told = seeds(job.recipe)
     once = Path(job.root) / "killed-once"
 
     def attempt(spec, recipe, phases):
         if spec.seed == told[0][1]:
+            half = temporary_name(Path(job.root) / "assets" / "bodies" / "aa" / "body.npz")
+            half.parent.mkdir(parents=True, exist_ok=True)
+            half.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         if spec.seed == told[1][2]:
             os.kill(os.getpid(), signal.SIGSTOP)
@@ -78,6 +82,7 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
     assert result.workers_lost == 5
     assert result.reasons == {"no_path": 10, "worker_died": 1, "worker_hung": 1}
     dataset = Dataset(tmp_path / "out")
+    assert not temporaries(dataset.root)
     died = {(0, 1): "worker_died", (1, 2): "worker_hung"}
     for one, its_seeds in zip(RECIPE.slots(), seeds(RECIPE), strict=True):
         rows = json.loads(dataset.ledger(one).read_text())["attempts"]
