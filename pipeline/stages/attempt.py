@@ -19,7 +19,6 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Replay, replay
 from pipeline.stages.scene import Scene, build_scene
 
-
 GRASPS = 3
 """Directions from which the target is grasped at most, one after another, until its motion fits."""
 

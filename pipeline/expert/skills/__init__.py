@@ -6,6 +6,7 @@ Distances in metres, speeds in m/s of the tcp. Sides are "left" and "right".
 """
 
 from pipeline.expert.skills.choice import first_of, in_turn
+from pipeline.expert.skills.facing import face
 from pipeline.expert.skills.gestures import pour, turn
 from pipeline.expert.skills.hand import close, grasp, open_, pause
 from pipeline.expert.skills.handing_over import hand_over
@@ -18,6 +19,7 @@ __all__ = [
     "ROUND",
     "carry",
     "close",
+    "face",
     "first_of",
     "grasp",
     "hand_over",
