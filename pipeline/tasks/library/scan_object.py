@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, face, grasp, lift, upright_goal
+from pipeline.expert.skills import ROUND, carry, face, first_of, grasp, lift, lift_clear, upright_goal
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.limits import Limit, by_name
@@ -53,9 +53,11 @@ class ScanObject(Task):
         arm, scan = a.arms["arm"], a.arms["scan_arm"]
         yield lift(arm, 0.13)
         shown = self._shown(arm)
-        yield grasp(scan, "scanner", goals=[list(self._scans(a, shown[0]))], pitch=0.3)
-        yield lift(scan, 0.10)
-        yield face(arm, shown, scan, lambda box: self._scans(a, box))
+        yield carry(arm, shown)
+        scans = self._scans(a, a.pose("box"))
+        yield grasp(scan, "scanner", goals=[list(scans)], pitch=0.3)
+        yield lift_clear(scan, 0.10)
+        yield first_of(carry(scan, scans), face(arm, shown, scan, lambda box: self._scans(a, box)))
 
     def _shown(self, arm: str) -> np.ndarray:
         """Poses (N,7) in which the box is held up, a little to the side of its arm."""
