@@ -44,6 +44,8 @@ class Actor:
     """One expert in one simulation. `arms` are the task's roles, e.g. {"arm": "left"}; `held` maps side -> what it carries.
 
     `expected` maps a side to the joints its arm is about to have, while the other arm is planned to move at the same time.
+    `approaches` maps a body to the direction (3,), in the world, from which a hand last went in to grasp it; a grasp of body `name`
+    from a direction near one of `avoid[name]` is taken only where there is no other.
     """
 
     def __init__(
@@ -60,6 +62,8 @@ class Actor:
         self.rng, self.max_steps = rng, step_limit * (PHYSICS_HZ // recorder.fps)
         self.held: dict[str, str] = {}
         self.expected: dict[str, NDArray[np.float64]] = {}
+        self.approaches: dict[str, NDArray[np.float64]] = {}
+        self.avoid: dict[str, list[NDArray[np.float64]]] = {}
         self.stream = Stream([], [])
         self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
         self.sweeping = False

@@ -87,6 +87,12 @@ class GraspSearch:
     goal_batch: int = 12
     """Goal poses solved at a time."""
 
+    avoided: float = 0.7
+    """Angle (rad) between approach directions within which a grasp counts as the one that is to be avoided."""
+
+    avoided_cost: float = 100.0
+    """Cost of such a grasp: more than all other costs together."""
+
 
 @dataclass(frozen=True)
 class SeatSearch:

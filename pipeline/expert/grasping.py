@@ -50,6 +50,11 @@ class GraspPlan:
     to_standoff: ArmTrajectory
     line: Floats
 
+    @property
+    def approach(self) -> Floats:
+        """Direction (3,) of the line in, in the world."""
+        return quat_rotate(self.tcp[3:], np.array([1.0, 0.0, 0.0]))
+
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
@@ -150,7 +155,7 @@ def search_of(actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: Grasp
 
     Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable").
     """
-    found = _candidates(arm, name, at, actor.frames(name).grasps, options)
+    found = _candidates(arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, []))
     checks = {jaws: _checks(arm, name, jaws) for jaws in GRASP.openings}
     return GraspChoice(arm, name, actor.collision(name), found, checks, options.goals)
 
@@ -206,7 +211,14 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {arm.side} arm without touching something")
 
 
-def _candidates(arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Grasp], options: GraspOptions) -> _Candidates:
+def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
+    """Which directions (N,3) lie within GRASP.avoided of one of the unit vectors (3,) to be avoided."""
+    return np.any([directions @ other > np.cos(GRASP.avoided) for other in avoid], axis=0) & np.ones(len(directions), bool)
+
+
+def _candidates(
+    arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Grasp], options: GraspOptions, avoid: Sequence[Floats]
+) -> _Candidates:
     """All grasps of a body that fit between the jaws. Raises PlanFailure("no_grasp") and PlanFailure("grasp_unreachable")."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
@@ -222,6 +234,7 @@ def _candidates(arm: ArmPlanner, name: str, body: Pose, annotated: Sequence[Gras
     room = np.minimum(limit_margin(arm.chain, q), GRASP.limit_margin)
     cost = np.linalg.norm(q - arm.q, axis=1) - GRASP.limit_weight * room
     cost += GRASP.lever_weight * np.linalg.norm(tcp[:, :2] - body[:2], axis=1)
+    cost += GRASP.avoided_cost * near_one(x_axis, avoid)
     cost = np.where(ok, cost + GRASP.pitch_weight * np.abs(pitch - options.pitch), np.inf)
     order = np.argsort(cost, kind="stable")[: int(ok.sum())]
     return _Candidates(grasps, local, tcp, q, order.tolist(), opening)

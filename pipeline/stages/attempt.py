@@ -6,14 +6,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.expert.grasping import near_one
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.back_calculate import back_calculate
-from pipeline.stages.dry_run import dry_run
+from pipeline.stages.dry_run import DryRun, dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Replay, replay
 from pipeline.stages.scene import Scene, build_scene
+
+GRASPS = 3
+"""Directions from which the target is grasped at most, one after another, until its motion fits."""
 
 
 class Phases:
@@ -48,17 +55,48 @@ class Rollout:
     steps: int
 
 
+def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
+    """Dry runs in which the target is grasped from one side after another, as long as there is another. Raises Failure."""
+    avoid = list[NDArray[np.float64]]()
+    for _ in range(GRASPS):
+        with phases("dry_run"):
+            dry = dry_run(scene, fps, avoid)
+        yield dry
+        if dry.approach is None or near_one(dry.approach[None], avoid)[0]:
+            return
+        avoid.append(dry.approach)
+
+
+def _with_motion(scene: Scene, recipe: Recipe, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
+    """A dry run, a motion of the target that fits it, and the physics steps of all dry runs.
+
+    Where the drawn motion fits in no direction, the target is grasped from another side: a hand that comes in level bars every path
+    that leads to the target from its own side. Raises Failure, that of the first grasp where no other helps.
+    """
+    steps, refused = 0, list[Failure]()
+    try:
+        for dry in _dry_runs(scene, recipe.fps, phases):
+            steps += dry.steps
+            try:
+                with phases("back_calculate"):
+                    motion = back_calculate(scene, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
+                return dry, motion, steps
+            except Failure as no_motion:
+                refused.append(no_motion)
+    except Failure as failure:
+        steps += failure.steps
+        refused.append(failure)
+    refused[0].steps = steps
+    raise refused[0]
+
+
 def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
     """The three stages for one spec. Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn."""
     steps, drawn = 0, None
     try:
         with phases("scene"):
             scene = build_scene(spec, recipe.ruling())
-        with phases("dry_run"):
-            dry = dry_run(scene, recipe.fps)
-        steps = dry.steps
-        with phases("back_calculate"):
-            motion = back_calculate(scene, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
+        dry, motion, steps = _with_motion(scene, recipe, phases)
         drawn = motion.features()
         with phases("replay"):
             done = replay(scene, dry, motion, recipe.fps)

@@ -1,5 +1,6 @@
 """Stage 1: run the task's expert on a target that stands still, and measure when it meets it (paper, appendix D.3)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,8 @@ STAGE = "dry_run"
 @dataclass(eq=False)
 class DryRun:
     """What the replay needs: the commands of the first half (M,A), when the meeting happened (s), what was in which hand then,
-    and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`."""
+    and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`. `approach` is the direction
+    (3,) from which the hand went in to grasp the target, None where the meeting is no grasp."""
 
     commands: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -25,10 +27,13 @@ class DryRun:
     sweep: NDArray[np.float64]
     names: tuple[str, ...]
     steps: int
+    approach: NDArray[np.float64] | None
 
 
-def dry_run(scene: Scene, fps: int) -> DryRun:
+def dry_run(scene: Scene, fps: int, avoid: Sequence[NDArray[np.float64]] = ()) -> DryRun:
     """Plan and run the whole script in the still scene; accept it only if the task succeeds there.
+
+    The target is grasped from other directions (3,) than those of `avoid` where it can be.
 
     Raises Failure: a planning reason, early_meeting (the target was touched before the last skill of `meet`), no_meeting, or
     no_success.
@@ -36,7 +41,7 @@ def dry_run(scene: Scene, fps: int) -> DryRun:
     task = scene.task
     end = scene.bodies[task.target].pose
     actor = scene.start(TargetMotion.still(end, 1.0), fps, STAGE)
-    actor.sweeping = True
+    actor.sweeping, actor.avoid[task.target] = True, list(avoid)
     with failing_as(STAGE, actor):
         last_began = 0.0
         for skill in task.meet(actor):
@@ -46,6 +51,8 @@ def dry_run(scene: Scene, fps: int) -> DryRun:
             actor.perform(skill)
         half = len(actor.stream.commands)
         held, sweep, actor.sweeping = dict(actor.held), np.array(actor.sweep), False
+        approach = actor.approaches.get(task.target)
+        actor.avoid.clear()
         meeting = next((e.time for e in actor.simulation.events if e.name == "meeting"), None)
         if meeting is None:
             raise Failure(STAGE, "no_meeting", f"nothing touched the {task.target}")
@@ -57,4 +64,4 @@ def dry_run(scene: Scene, fps: int) -> DryRun:
         if conditions := failed(scene.conditions(actor.recorder.log())):
             raise no_success(STAGE, conditions)
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps)
+    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps, approach)

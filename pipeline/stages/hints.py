@@ -21,6 +21,7 @@ HINTS = {
     "line_unreachable": "the straight motion leaves the arm's reach: make it shorter, or begin it nearer to the arm",
     "pose_unreachable": _REACH,
     "handover_blocked": "no place is found where both arms can hold it: offer more places, or the receiver other grasps",
+    "facing_blocked": "no place is found where both hands bring what they hold to each other: offer more poses of either body",
     "place_blocked": _ROOM,
     "place_unreachable": _REACH,
     "press_blocked": _ROOM,

@@ -64,6 +64,7 @@ def grasp(
         if a.gripper(side) < GRASP.open:
             yield jaws(a, side, 1.0, hold=0.0)
         plan = plan_grasp(a, side, name, GraspOptions(kinds, goals, standoff, pitch))
+        a.approaches[name] = plan.approach
         if plan.jaws < a.gripper(side):
             yield jaws(a, side, plan.jaws, hold=0.0)
         yield {side: replace(plan.to_standoff, gripper=np.full(len(plan.to_standoff.q), plan.jaws))}

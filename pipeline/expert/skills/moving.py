@@ -75,6 +75,22 @@ def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: flo
     return act
 
 
+def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill:
+    """As `lift`, up to where the arm and what it holds still touch nothing, so that a free motion can begin there."""
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        arm, start = a.arm_planner(side), a.tcp(side)
+        lines = [(arm.line(arm.q, lifted(start, height * share)), share) for share in MOVE.lift_shares]
+        there = [(line, share) for line, share in lines if line is not None]
+        if not there:
+            raise PlanFailure("line_unreachable", f"the {side} arm cannot lift by {height} m")
+        free = arm.checker()
+        line, share = next(((line, share) for line, share in there if free(line[-1])), there[0])
+        yield {side: arm.timed(line, minimum=height * share / speed)}
+
+    return act
+
+
 def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
     """Move the hand straight by a vector (3,) of the world without turning it, at least 80 % of the distance where the arm ends."""
 

@@ -16,6 +16,9 @@ from pipeline.world.body import Body
 DROP = 0.055
 """Height (m) over the floor of the basket at which the object is let go: a slanting hand cannot go below the rim."""
 
+SLACK = 0.012
+"""Distance (m) by which the jaws let go in the basket: opened wider, thick fingers wedge themselves between its walls."""
+
 
 @register
 class PlaceObjectBasket(Task):
@@ -52,8 +55,8 @@ class PlaceObjectBasket(Task):
         arm, lifter = a.arms["arm"], a.arms["lifter"]
         yield lift(arm, 0.15, least=0.4)
         goal = lifted(a.frame("basket", arm), DROP)
-        yield place(arm, "base", goal, yaws=self._along(a), above=0.08, press=0.0, opening=0.025)
-        yield open_(arm, by=0.025)
+        yield place(arm, "base", goal, yaws=self._along(a), above=0.08, press=0.0, opening=SLACK)
+        yield open_(arm, by=SLACK)
         yield lift(arm, 0.16, least=0.2)
         yield together(home(arm), grasp(lifter, "basket", kinds=("handle",)))
         yield lift(lifter, 0.08)

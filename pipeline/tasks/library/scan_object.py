@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, carry, grasp, lift, upright_goal
+from pipeline.expert.skills import ROUND, carry, face, first_of, grasp, lift, lift_clear, upright_goal
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.limits import Limit, by_name
@@ -52,10 +52,12 @@ class ScanObject(Task):
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, scan = a.arms["arm"], a.arms["scan_arm"]
         yield lift(arm, 0.13)
-        yield carry(arm, self._shown(arm))
-        yield grasp(scan, "scanner", goals=[list(self._scans(a))], pitch=0.3)
-        yield lift(scan, 0.10)
-        yield carry(scan, self._scans(a))
+        shown = self._shown(arm)
+        yield carry(arm, shown)
+        scans = self._scans(a, a.pose("box"))
+        yield grasp(scan, "scanner", goals=[list(scans)], pitch=0.3)
+        yield lift_clear(scan, 0.10)
+        yield first_of(carry(scan, scans), face(arm, shown, scan, lambda box: self._scans(a, box)))
 
     def _shown(self, arm: str) -> np.ndarray:
         """Poses (N,7) in which the box is held up, a little to the side of its arm."""
@@ -70,10 +72,10 @@ class ScanObject(Task):
             ]
         )
 
-    def _scans(self, a: Actor) -> np.ndarray:
-        """Poses (N,7) of the scanner, upright or nearly so, with the middle of the box in front of its window, from many sides,
-        6 cm or more above the table."""
-        middle, window = self._middle(a.pose("box"), a.bodies), a.frames("scanner")["window"]
+    def _scans(self, a: Actor, box: Pose) -> np.ndarray:
+        """Poses (N,7) of the scanner, upright or nearly so, with the middle of the box at the pose `box` in front of its window,
+        from many sides, 6 cm or more above the table."""
+        middle, window = self._middle(box, a.bodies), a.frames("scanner")["window"]
         s = 1 if a.arms["scan_arm"] == "right" else -1
         found = []
         for distance, tilt, turn in product(FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)):

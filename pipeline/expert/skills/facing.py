@@ -1,0 +1,49 @@
+"""Bring what both hands hold to each other in the air."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.budgets import MOVE
+from pipeline.expert.grasping import hand_poses
+from pipeline.expert.skills.moving import reach
+from pipeline.planning.failure import PlanFailure
+from pipeline.planning.trajectory import ArmTrajectory
+from pipeline.poses import Pose
+
+Towards = Callable[[Pose], NDArray[np.float64]]
+"""Poses (M,7) of the other body for one pose (7,) of the first."""
+
+
+def face(side: str, poses: ArrayLike, other: str, towards: Towards) -> Skill:
+    """Carry the body that arm `side` holds to one of `poses` (N,7), and what arm `other` holds to one of the poses `towards` it.
+
+    Of poses evenly spread over the free ones, the first is taken where the other arm finds its way too. Raises
+    PlanFailure("facing_blocked") where there is none.
+    """
+
+    def act(a: Actor) -> Iterator[MotionStep]:
+        name = a.held[side]
+        yield {side: _shown(a, side, np.atleast_2d(np.asarray(poses, float)), other, towards)}
+        yield {other: reach(a.arm_planner(other), hand_poses(a, other, towards(a.pose(name))))}
+
+    return act
+
+
+def _shown(a: Actor, side: str, poses: NDArray[np.float64], other: str, towards: Towards) -> ArmTrajectory:
+    """A free motion of arm `side` to a pose of its body at which the other arm finds a way to its own."""
+    arm, there = a.arm_planner(side), a.arm_planner(other)
+    q, ok = arm.solve(hand_poses(a, side, poses))
+    free = arm.checker()
+    found = [i for i in np.flatnonzero(ok) if free(q[i])]
+    for i in found[:: max(1, len(found) // MOVE.tries)]:
+        waiting = there.within(there.scene.expecting(side, q[i]))
+        try:
+            first = arm.free_trajectory(q[i], free)
+            reach(waiting, hand_poses(a, other, towards(poses[i])))
+        except PlanFailure:
+            continue
+        return first
+    raise PlanFailure("facing_blocked", f"the {other} arm finds no way to what the {side} arm shows in {len(found)} poses")

@@ -1,0 +1,57 @@
+"""An attempt grasps the target from another side before it gives the drawn motion up."""
+
+import numpy as np
+import pytest
+
+from pipeline.data.recipe import Recipe
+from pipeline.data.spec import EpisodeSpec
+from pipeline.stages import attempt as module
+from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.dry_run import dry_run
+from pipeline.stages.failure import Failure
+from pipeline.stages.scene import build_scene
+
+BLOCKED = EpisodeSpec("move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876)
+"""A can in the corner of its workspace: the hand that comes in level stands where it would have to come from."""
+
+RECIPE = Recipe()
+
+
+def test_another_grasp_lets_the_drawn_motion_in(monkeypatch):
+    with monkeypatch.context() as one_grasp:
+        one_grasp.setattr(module, "GRASPS", 1)
+        with pytest.raises(Failure, match="no_motion") as refused:
+            attempt(BLOCKED, RECIPE, Phases())
+    done = attempt(BLOCKED, RECIPE, Phases())
+    assert done.scene.succeeded(done.replay.log)
+    drawn = refused.value.drawn
+    assert drawn is not None and done.motion.features().average_speed == pytest.approx(drawn.average_speed)
+    # both dry runs and the replay count
+    assert done.steps > refused.value.steps + done.replay.steps
+
+
+def test_an_avoided_approach_is_not_taken_again():
+    scene = build_scene(BLOCKED)
+    first = dry_run(scene, 15)
+    assert first.approach is not None
+    second = dry_run(scene, 15, [first.approach])
+    assert second.approach is not None
+    assert np.linalg.norm(second.approach) == pytest.approx(1.0)
+    assert np.arccos(first.approach @ second.approach) > 0.7
+
+
+def test_a_meeting_without_a_grasp_has_no_approach_to_avoid(monkeypatch):
+    runs = []
+
+    def refused(*_, **__):
+        raise Failure("back_calculate", "no_motion")
+
+    def counted(scene, fps, avoid):
+        runs.append(list(avoid))
+        return dry_run(scene, fps, avoid)
+
+    monkeypatch.setattr(module, "back_calculate", refused)
+    monkeypatch.setattr(module, "dry_run", counted)
+    with pytest.raises(Failure, match="no_motion"):
+        attempt(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 1), RECIPE, Phases())
+    assert runs == [[]]
