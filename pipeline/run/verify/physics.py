@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.data.episode import Episode
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe
+from pipeline.data.rules import rules_of
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.registry import UnknownName
 from pipeline.run.verify.tally import Finding, seen
@@ -33,9 +34,12 @@ class Physics:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the spec, or None for a task or robot that this version does not have."""
+        """The scene of the spec by the rules that the header names, or None for a task or robot that this version does not have.
+
+        Raises ValueError for a header that names rules which do not exist.
+        """
         try:
-            return build_scene(self.episode.spec, self.recipe.ruling())
+            return build_scene(self.episode.spec, rules_of(self.episode.meta))
         except UnknownName:
             return None
 
@@ -43,7 +47,7 @@ class Physics:
     def missing(self) -> str:
         """The task or robot of the spec that this version does not have."""
         try:
-            build_scene(self.episode.spec, self.recipe.ruling())
+            build_scene(self.episode.spec, rules_of(self.episode.meta))
         except UnknownName as unknown:
             return str(unknown)
         return ""
