@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Annotated
 
 import typer
+from typer._click.exceptions import NoArgsIsHelpError, UsageError  # typer gives them no public name
 from typer.core import TyperCommand
 
 from pipeline.run.pool import SINGLE_THREAD
@@ -57,7 +58,14 @@ app.add_typer(assets_app, name="assets")
 def main() -> None:
     """Entry point: run the command and turn every expected error into one line and exit code 2."""
     try:
-        app(standalone_mode=True)
+        code = app(standalone_mode=False)
+    except NoArgsIsHelpError as error:
+        error.show()
+        sys.exit(2)
+    except UsageError as error:
+        command = error.ctx.command_path if error.ctx is not None else "domino-data"
+        print(f"domino-data: {' '.join(error.format_message().split()).rstrip('.')}; see {command} --help", file=sys.stderr)
+        sys.exit(2)
     except DominoError as error:
         print(f"domino-data: {error}", file=sys.stderr)
         sys.exit(2)
@@ -65,3 +73,5 @@ def main() -> None:
         where = f"{error.filename}: " if error.filename else ""
         print(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}", file=sys.stderr)
         sys.exit(2)
+    # the exit code of a verb that raised typer.Exit
+    sys.exit(code if isinstance(code, int) else 0)

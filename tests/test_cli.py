@@ -34,3 +34,12 @@ def test_an_expected_error_is_one_line_and_exit_code_2(monkeypatch, capsys, tmp_
     assert run("status", str(tmp_path / "nowhere"), monkeypatch=monkeypatch) == 2
     error = capsys.readouterr().err
     assert error.startswith("domino-data: ") and error.count("\n") == 1 and "nowhere" in error
+
+
+def test_an_interrupt_is_exit_code_130_and_no_traceback(monkeypatch, capsys):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pipeline.tasks.listing.listing", interrupted)
+    assert run("tasks", monkeypatch=monkeypatch) == 130
+    assert capsys.readouterr().err == ""

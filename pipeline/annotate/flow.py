@@ -28,6 +28,14 @@ class Farneback:
     poly_n: int = 5
     poly_sigma: float = 1.2
 
+    def __post_init__(self) -> None:
+        limits = {"levels": (0, 20), "winsize": (1, 1000), "iterations": (1, 100), "poly_n": (3, 15)}
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                raise AnnotateError(f"flow {name} {getattr(self, name)} is out of range: give {low} to {high}")
+        if not (0 < self.pyr_scale < 1 and 0 < self.poly_sigma < 100):
+            raise AnnotateError("flow needs 0 < pyr_scale < 1 and 0 < poly_sigma < 100")
+
 
 @dataclass(frozen=True)
 class Colour:

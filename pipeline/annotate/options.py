@@ -25,8 +25,8 @@ class FlowOptions:
         _choice("flow source", self.source, ("farneback", "sim"))
         if self.stride < 1:
             raise AnnotateError(f"flow stride {self.stride} makes no pair: give a number of frames >= 1")
-        if min(self.size) < 16:
-            raise AnnotateError(f"flow size {self.size[0]}x{self.size[1]} is too small for Farneback: give at least 16x16")
+        if not 16 <= min(self.size) <= max(self.size) <= 4096:
+            raise AnnotateError(f"flow size {self.size[0]}x{self.size[1]} is out of range: give 16x16 to 4096x4096")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.annotate.keys import AnnotateError, digest
 from pipeline.data.atomic import atomic_path, write_atomic
+from pipeline.data.episode import INFLATION
 from pipeline.data.keys import arrays_digest, canonical
 
 GZIP_LEVEL = 1
@@ -82,6 +83,9 @@ def read_entry(path: Path) -> Entry:
         raise FileNotFoundError(path)
     try:
         with h5py.File(path, "r") as f:
+            claimed = sum(item.nbytes for item in f.values() if isinstance(item, h5py.Dataset))
+            if claimed > INFLATION * path.stat().st_size:
+                raise ValueError(f"claims {claimed} bytes, more than the file can hold")
             arrays = {str(name): np.asarray(f[name]) for name in f}
             attributes = json.loads(str(f.attrs["attributes"]))
             entry = Entry(str(f.attrs["key"]), arrays, attributes, str(f.attrs["checksum"]))

@@ -1,5 +1,6 @@
 """annotate: flow maps, masks and object features, computed once per frame and kept by key."""
 
+import re
 import sys
 from typing import Annotated
 
@@ -38,6 +39,7 @@ def annotate(
     from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
     from pipeline.annotate.overlays import annotation_sheet
     from pipeline.data.dataset import Dataset
+    from pipeline.data.names import is_name
     from pipeline.report.page import refresh
     from pipeline.run.annotate import Execution
     from pipeline.run.annotate import annotate as run
@@ -47,16 +49,19 @@ def annotate(
         width, height = (int(part) for part in flow_size.split("x"))
     except ValueError as error:
         raise UsageError(f"--flow-size {flow_size!r} is not WIDTHxHEIGHT, e.g. 64x64") from error
+    if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", device):
+        raise UsageError(f"--device {device!r} is unknown: choose cpu, cuda, cuda:NUMBER or auto")
+    seen = tuple(listed(cameras) or ())
+    if not seen or not all(map(is_name, seen)):
+        raise UsageError(f"--cameras {cameras!r} is no list of cameras: write head_camera,left_camera")
     flow = FlowOptions(flow_source, flow_stride, (width, height), Farneback(winsize=winsize), Colour(normalisation=normalisation))
     options = AnnotateOptions(
-        tuple(listed(cameras) or ()),
+        seen,
         flow,
         MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter),
         FeatureOptions(encoder=encoder),
     )
     source = Dataset(dataset)
-    if source.manifest.exists():
-        warn_of_stale(source, source.recipe())
     try:
         with stop_on_signal():
             values = run(
@@ -70,6 +75,8 @@ def annotate(
     except Stopped:
         print(f"stopped; what is finished is in {dataset}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
+    if source.manifest.exists():
+        warn_of_stale(source, source.recipe())
     if not dry_run:
         refresh(source, annotation_sheet)
     lines, made = [], "to compute" if dry_run else "computed"

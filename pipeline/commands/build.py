@@ -84,8 +84,8 @@ def build(
         layout=layout,
     )
     pool = pool_of(executor, workers, address)
-    if slot_timeout <= 0:
-        raise UsageError(f"--slot-timeout {slot_timeout:g} is no time at all: give seconds")
+    if not 0 < slot_timeout < float("inf"):
+        raise UsageError(f"--slot-timeout {slot_timeout:g} is no time: give seconds, e.g. 600")
     try:
         with stop_on_signal():
             result = run_build(out, recipe, pool, slot_timeout, quiet, assets)

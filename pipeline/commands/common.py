@@ -1,6 +1,7 @@
 """What the verbs share: options, printing for people or programs, and the recipe that options describe."""
 
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,8 @@ from pipeline.run.pool import EXECUTORS, Pool, pick_executor
 
 GIVEN_UP = 3
 """Exit code of a build that gave slots up: everything else went well, but the dataset lacks episodes (docs/quickstart.md)."""
+
+MOST_WORKERS = 10_000
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 Root = Annotated[Path, typer.Argument(help="The dataset directory.", metavar="DATASET")]
@@ -127,13 +130,16 @@ Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work
 
 def recipe_of(manifest: Path | None, assets: Path | None = None, **given: Any) -> Recipe:
     """The recipe of a manifest and of options: keys of a recipe, None where one was not given, lists as comma-separated text."""
+    flags = {key: "--embodiment" if key == "embodiments" else f"--{key}" for key, value in given.items() if value is not None}
     for name in ("tasks", "embodiments", "domains"):
-        given[name] = listed(given.get(name))
+        if (text := given.get(name)) is not None and not listed(text):
+            raise UsageError(f"{flags[name]} {text!r} names nothing: leave it out, or name some, separated by commas")
+        given[name] = listed(text)
     given["levels"] = numbers(given.get("levels"), int, "--levels")
     given["alpha"] = numbers(given.get("alpha"), float, "--alpha")
     values = read_recipe(manifest) if manifest else {}
     source = str(manifest) if manifest else "options"
-    recipe = recipe_from(values | {key: value for key, value in given.items() if value is not None}, source)
+    recipe = recipe_from(values | {key: value for key, value in given.items() if value is not None}, source, flags)
     if assets is None or recipe.robot_meshes:
         return recipe
     from pipeline.world.robots.mesh_store import stored_meshes
@@ -144,8 +150,8 @@ def recipe_of(manifest: Path | None, assets: Path | None = None, **given: Any) -
 def executor_of(name: str, workers: int | None) -> tuple[str, int]:
     if name not in EXECUTORS:
         raise UsageError(f"--executor {name!r} is unknown: choose {', '.join(EXECUTORS)}")
-    if workers is not None and workers < 1:
-        raise UsageError(f"--workers {workers} is not a number of workers: give 1 or more")
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise UsageError(f"--workers {workers} is not a number of workers: give 1 to {MOST_WORKERS}")
     return pick_executor(name, workers)
 
 
@@ -153,4 +159,6 @@ def pool_of(executor: str, workers: int | None, address: str | None) -> Pool:
     """Who does the work; an address asks for Ray."""
     if address is not None and executor == "inline":
         raise UsageError("--address names a Ray cluster and --executor inline uses none: leave one of them out")
+    if address is not None and not re.fullmatch(r"[^\s:/]+:\d{1,5}", address):
+        raise UsageError(f"--address {address!r} is not HOST:PORT, e.g. 10.0.0.1:6379")
     return Pool(*executor_of("ray" if address else executor, workers), address)

@@ -9,9 +9,8 @@ import typer
 from tqdm import tqdm
 from typer.core import TyperCommand
 
-from pipeline.commands.common import AsJson, Root, UsageError, Workers, say, warn_of_stale
+from pipeline.commands.common import AsJson, Root, UsageError, Workers, executor_of, say, warn_of_stale
 from pipeline.data.dataset import Dataset
-from pipeline.run.pool import pick_executor
 
 GIVEN = "given"
 
@@ -106,9 +105,9 @@ def export(
             f"{dataset} has no finished episodes to export: of {sum(1 for _ in recipe.slots())} slots {given_up} were given up and "
             "the rest is open; `domino-data build` fills them"
         )
-    warn_of_stale(source, recipe)
-    place = out or source.exports(format_)
+    place, processes = out or source.exports(format_), executor_of("ray", workers)[1]
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
-        job = Job(source.root, place, sorted(episodes), options, bar.update, pick_executor("ray", workers)[1])
+        job = Job(source.root, place, sorted(episodes), options, bar.update, processes)
         values = exporter.export(job)
+    warn_of_stale(source, recipe)
     say(values, as_json, f"{len(episodes)} episodes written to {place}")

@@ -1,9 +1,16 @@
 """status and verify: what a dataset holds, and whether it keeps its promises."""
 
+from itertools import islice
+from typing import Annotated
+
 import typer
 
-from pipeline.commands.common import AsJson, Root, say
+from pipeline.commands.common import AsJson, Executor, Root, Workers, pool_of, say
 from pipeline.data.dataset import Dataset
+from pipeline.run.pool import Pool
+
+FEW = 50
+"""Slots that are judged sooner than workers are started."""
 
 
 def status(dataset: Root, as_json: AsJson = False) -> None:
@@ -28,11 +35,21 @@ def status(dataset: Root, as_json: AsJson = False) -> None:
     say(values, as_json, "\n".join(lines))
 
 
-def verify(dataset: Root, as_json: AsJson = False) -> None:
+def verify(
+    dataset: Root,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Check everything that a dataset promises; exit code 1 when something does not hold."""
     from pipeline.run.verify import verify as run_verify
 
-    values = run_verify(Dataset(dataset))
+    source = Dataset(dataset)
+    pool = pool_of(executor, workers, None)
+    if executor == "auto" and workers is None and not any(islice(source.recipe().slots(), FEW, None)):
+        pool = Pool()
+    values = run_verify(source, pool, not quiet and not as_json)
     lines = [f"{'ok  ' if c['ok'] else 'FAIL'} {c['name']}: {c['detail']}" for c in values["checks"]]
     say(values, as_json, "\n".join(lines))
     if not values["ok"]:

@@ -12,6 +12,12 @@ from pipeline.data.dataset import Dataset
 from pipeline.run.signals import Stopped, stop_on_signal
 
 SENSORS = ("rgb", "depth", "segmentation", "pointcloud")
+FLAGS = {"cameras": "--cameras", "size": "--size", "render": "--preset", "visuals": "--visuals", "variants": "--variants"} | {
+    "visual_seed": "--visual-seed",
+    **dict.fromkeys(("depth", "segmentation", "pointcloud"), "--sensors"),
+}
+"""Option by the key of a recipe that it changes."""
+
 VISUALS = ("keep", "clean", "randomized")
 
 
@@ -43,7 +49,7 @@ def render(
     pool = pool_of(executor, workers, address)
     try:
         with stop_on_signal():
-            result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet)
+            result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet, flags=FLAGS)
     except Stopped:
         print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
@@ -72,8 +78,9 @@ def drawing_changes(cameras: str | None, size: str | None, preset: str | None, s
         unknown = [name for name in names if name not in SENSORS]
         if unknown:
             raise UsageError(f"--sensors {unknown[0]!r} is unknown: choose {', '.join(SENSORS)}")
-        if "rgb" not in names:
-            raise UsageError(f"--sensors {sensors!r} leaves out rgb, which every episode has: add it")
+        if not names:
+            raise UsageError(f"--sensors {sensors!r} names nothing: choose {', '.join(SENSORS)}")
+        # rgb is always drawn, named or not
         changes |= {name: name in names for name in SENSORS[1:]}
     return changes
 

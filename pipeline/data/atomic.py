@@ -46,6 +46,7 @@ def atomic_directory(path: Path) -> Iterator[Path]:
     OSError where the disk refuses.
     """
     old = path.with_name(f".{path.name}.old")
+    made = not path.parent.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
     if old.exists() and not path.exists():
         os.rename(old, path)
@@ -61,6 +62,9 @@ def atomic_directory(path: Path) -> Iterator[Path]:
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+        if made:
+            with suppress(OSError):  # it is not empty, unless the block failed
+                path.parent.rmdir()
 
 
 def write_atomic(path: Path, data: bytes) -> None:

@@ -111,7 +111,7 @@ class Dataset:
         """The ledger entry of a slot, or None where there is none that can be read."""
         try:
             return SlotRecord.from_json(self.ledger(slot).read_bytes())
-        except (OSError, ValueError, TypeError, KeyError):
+        except (OSError, ValueError, TypeError, AttributeError, KeyError):
             return None
 
     def records(self, recipe: Recipe) -> Iterator[tuple[Slot, SlotRecord]]:
@@ -142,7 +142,7 @@ class Dataset:
             return
         try:
             record = SlotRecord.from_json(entry.read_bytes())
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
             raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot") from error
         if not record.accepted or file_hash(self.episodes / episode) != record.sha256:
             raise DatasetError(f"{self.episodes / episode}: {CHANGED}")

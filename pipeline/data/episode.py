@@ -20,6 +20,11 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
 
 SCHEMA = 2
+INFLATION = 4000
+"""No dataset is larger than this many times its file: gzip shortens at most a thousandfold."""
+
+_FAULTS = (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
+"""What h5py and the parsers of texts raise for damage, depending on which byte it is."""
 
 
 @dataclass(eq=False)
@@ -44,9 +49,14 @@ class EpisodeFile:
         self.path = Path(path)
         try:
             self._file = h5py.File(self.path, "r")
-        except OSError as error:
-            raise EpisodeError(f"{self.path}: cannot be read as HDF5 ({error}); delete it and run the build again") from error
-        if self._file.attrs.get("schema") != SCHEMA:
+            self._bytes = self.path.stat().st_size
+        except (OSError, RuntimeError) as error:
+            raise EpisodeError(f"{self.path}: cannot be read as HDF5 ({_line(error)}); run the build again") from error
+        try:
+            schema = self._file.attrs.get("schema")
+        except _FAULTS:
+            schema = None
+        if not np.isscalar(schema) or schema != SCHEMA:
             self._file.close()
             raise EpisodeError(f"{self.path}: schema is not {SCHEMA}; it was written by another version of domino-data")
 
@@ -61,28 +71,47 @@ class EpisodeFile:
 
     def has(self, key: str) -> bool:
         """Whether the file holds a dataset or group."""
-        return key in self._file
+        try:
+            return key in self._file
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
 
     def array(self, key: str) -> NDArray[Any]:
         """One dataset, whole, e.g. "joint_state/vector" (T,A) or "observation/head_camera/extrinsic_cv" (T,3,4)."""
-        return np.asarray(self._dataset(key))
+        found = self._dataset(key)
+        try:
+            return np.asarray(found)
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
 
     def _dataset(self, key: str) -> h5py.Dataset:
-        found = self._file.get(key)
+        found = self._get(key)
         if not isinstance(found, h5py.Dataset):
             raise EpisodeError(f"{self.path}: has no {key}")
+        if found.nbytes > INFLATION * self._bytes:
+            raise EpisodeError(f"{self.path}: {key} claims {found.nbytes} bytes, more than the file can hold")
         return found
 
     def _group(self, key: str) -> h5py.Group:
-        found = self._file.get(key)
+        found = self._get(key)
         if not isinstance(found, h5py.Group):
             raise EpisodeError(f"{self.path}: has no group {key}")
         return found
 
+    def _get(self, key: str) -> object:
+        try:
+            return self._file.get(key)
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {key} cannot be read ({_line(error)})") from error
+
     @property
     def cameras(self) -> tuple[str, ...]:
         """Camera names, sorted."""
-        return tuple(self._group("observation"))
+        group = self._group("observation")
+        try:
+            return tuple(group)
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: observation cannot be read ({_line(error)})") from error
 
     @property
     def spec(self) -> EpisodeSpec:
@@ -103,9 +132,10 @@ class EpisodeFile:
             raise EpisodeError(f"{self.path}: its meta attribute cannot be used: {where}: {first['msg']}") from error
 
     def _text(self, attribute: str) -> str:
-        if attribute not in self._file.attrs:
-            raise EpisodeError(f"{self.path}: has no attribute {attribute}")
-        return str(self._file.attrs[attribute])
+        try:
+            return str(self._file.attrs[attribute])
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: has no attribute {attribute}") from error
 
     @property
     def fps(self) -> int:
@@ -114,11 +144,18 @@ class EpisodeFile:
 
     def instructions(self, split: str = "seen") -> list[str]:
         """The instructions of a split, "seen" or "unseen"."""
-        return [s.decode() for s in self.array(f"instruction/{split}")]
+        try:
+            return [s.decode() for s in self.array(f"instruction/{split}")]
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: instruction/{split} is no list of texts") from error
 
     def jpeg(self, camera: str, frame: int) -> bytes:
         """Encoded JPEG bytes of one frame (true RGB for any standard reader)."""
-        return bytes(self._dataset(f"observation/{camera}/rgb")[frame])
+        found = self._dataset(f"observation/{camera}/rgb")
+        try:
+            return bytes(found[frame])
+        except (OSError, RuntimeError) as error:
+            raise EpisodeError(f"{self.path}: observation/{camera}/rgb cannot be read ({_line(error)})") from error
 
     def rgb(self, camera: str, frame: int) -> NDArray[np.uint8]:
         """One decoded frame (H,W,3) uint8 RGB."""
@@ -129,23 +166,30 @@ class EpisodeFile:
         for data in self.array(f"observation/{camera}/rgb"):
             yield decode_frame(bytes(data))
 
-    def _names(self, group: str, attribute: str) -> tuple[str, ...]:
-        """A list of names that stands in an attribute of a group."""
+    def names(self, group: str, attribute: str) -> tuple[str, ...]:
+        """A list of names that stands in an attribute of a group: "bodies" and "joints" of state, "names" of joint_state."""
         attributes = self._group(group).attrs
-        if attribute not in attributes:
-            raise EpisodeError(f"{self.path}: group {group} has no attribute {attribute}")
-        return tuple(map(str, np.asarray(attributes[attribute]).tolist()))
+        try:
+            return tuple(map(str, np.asarray(attributes[attribute]).tolist()))
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: group {group} has no attribute {attribute}") from error
 
     def read(self) -> Episode:
-        """The whole episode without its images."""
+        """The whole episode without its images. Raises EpisodeError for one that is not complete."""
+        try:
+            return self._read()
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: is not a complete episode ({_line(error)})") from error
+
+    def _read(self) -> Episode:
         log = StateLog(
             times=self.array("timestamp"),
-            bodies=self._names("state", "bodies"),
+            bodies=self.names("state", "bodies"),
             poses=self.array("state/poses"),
-            joints=self._names("state", "joints"),
+            joints=self.names("state", "joints"),
             qpos=self.array("state/qpos"),
             qvel=self.array("state/qvel"),
-            vector_names=self._names("joint_state", "names"),
+            vector_names=self.names("joint_state", "names"),
             state=self.array("joint_state/vector"),
             action=self.array("joint_action/vector"),
             tcp=np.stack([self.array(f"endpose/{side}_endpose") for side in SIDES], axis=1),
@@ -155,6 +199,10 @@ class EpisodeFile:
         )
         split = {s: self.instructions(s) for s in ("seen", "unseen")}
         return Episode(self.spec, log, self.array("motion").item().decode(), split, self.meta, self.cameras)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200]
 
 
 @contextmanager

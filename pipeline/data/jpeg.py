@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from pipeline.data.errors import DominoError
 
 QUALITY = 95
+LARGEST = 8192
+"""Pixels of a side of an image, as cameras allow (data/meta.py)."""
 
 
 class EpisodeError(DominoError):
@@ -20,8 +22,23 @@ def encode_frames(rgb: NDArray[np.uint8]) -> NDArray[np.bytes_]:
     return np.array(coded, dtype=f"S{max(map(len, coded))}")
 
 
+def frame_size(jpeg: bytes) -> tuple[int, int] | None:
+    """Width and height that the header of a JPEG states, read without decoding; None where there is no such header."""
+    at = 2
+    while jpeg[:2] == b"\xff\xd8" and at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
+        marker, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4])
+        # start of a frame, of any of the codings; the others of that range are tables
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            return int.from_bytes(jpeg[at + 7 : at + 9]), int.from_bytes(jpeg[at + 5 : at + 7])
+        at += 2 + length
+    return None
+
+
 def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
-    """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no image."""
+    """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no image, or one larger than LARGEST."""
+    side = max(frame_size(jpeg) or (0, 0))
+    if side > LARGEST:
+        raise EpisodeError(f"a frame claims to be {side} pixels wide or high; {LARGEST} are allowed")
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
     if bgr is None:
         raise EpisodeError("a frame does not decode as JPEG")

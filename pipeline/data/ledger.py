@@ -1,6 +1,7 @@
 """The ledger: for every finished slot its keys, the hash of its episode, and all its attempts."""
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,18 @@ ATTEMPTS = pa.schema(
 )
 """Columns of attempts.parquet: one row an attempt; speeds (m/s) and displacement (m) of the motion that was drawn, if any."""
 
+_SHA256 = re.compile("[0-9a-f]{64}")
+_KINDS: dict[str, tuple[type, ...]] = {
+    column.name: (str,)
+    if column.type == pa.string()
+    else (list,)
+    if pa.types.is_list(column.type)
+    else (float, int)
+    if column.type == pa.float64()
+    else (int,)
+    for column in ATTEMPTS
+}
+
 
 @dataclass(frozen=True)
 class SlotRecord:
@@ -51,6 +64,21 @@ class SlotRecord:
 
     @classmethod
     def from_json(cls, text: str | bytes) -> "SlotRecord":
-        """Inverse of `to_json`. Raises ValueError, TypeError or KeyError for text that is no record."""
+        """Inverse of `to_json`. Raises ValueError, TypeError, AttributeError or KeyError for text that is no record."""
         values = json.loads(text)
-        return cls(**(values | {"keys": SlotKeys.from_json(values["keys"]), "attempts": tuple(values["attempts"])}))
+        record = cls(**(values | {"keys": SlotKeys.from_json(values["keys"]), "attempts": tuple(values["attempts"])}))
+        record._check()
+        return record
+
+    def _check(self) -> None:
+        """Raise ValueError where the parts cannot be those of one slot."""
+        if not isinstance(self.accepted, bool) or not isinstance(self.sha256, str) or not isinstance(self.source, str):
+            raise ValueError("accepted is not true or false, or a hash is no text")
+        if self.accepted != bool(_SHA256.fullmatch(self.sha256)) or (self.sha256 and not self.accepted):
+            raise ValueError("a slot has the sha256 of an episode where it was accepted, and only there")
+        for row in self.attempts:
+            wrong = [name for name, value in row.items() if not isinstance(value, _KINDS.get(name, ()))]
+            if wrong or not {"seed", "outcome"} <= set(row):
+                raise ValueError(f"an attempt has {wrong[0] if wrong else 'no seed or outcome'}, which is no value of that column")
+        if self.attempts and (self.attempts[-1]["outcome"] == "accepted") != self.accepted:
+            raise ValueError("its last attempt and the slot do not agree on whether it was accepted")

@@ -1,6 +1,7 @@
 """A recipe: which episodes a dataset is to hold. Read from YAML, validated, expanded into cells and slots."""
 
 import itertools
+import reprlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,11 +18,19 @@ from pipeline.data.rules import Contact, Layout, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 DEFAULT_ALPHA = 0.1
+MOST_SLOTS = 10_000_000
+"""Episodes of one dataset: its ledger has a file for each."""
+
+MOST_ITEMS = 1000
+LARGEST_FILE = 1_000_000
+_SHOWN = 80
 
 CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
 _Pixels = Annotated[int, Field(ge=16, le=4096)]
+_Count = Annotated[int, Field(ge=1, le=1_000_000)]
+_SWITCHES = ("depth", "segmentation", "pointcloud")
 
 
 class RecipeError(DominoError):
@@ -83,7 +92,7 @@ class Recipe(BaseModel):
     """Looks and surroundings: clean, or randomized with distractors, other table heights and camera poses."""
     alpha: tuple[Annotated[float, Field(ge=0, le=2)], ...] = (DEFAULT_ALPHA,)
     """Speed coefficients of the target, m/s."""
-    episodes: Annotated[int, Field(ge=1)] | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0)]] = 50
+    episodes: _Count | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0, le=1_000_000)]] = 50
     """Wanted per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50, randomized: 10}."""
     attempts: Annotated[int, Field(ge=1, le=1000)] = 30
     """Seeds tried for one slot before it is given up."""
@@ -124,6 +133,15 @@ class Recipe(BaseModel):
     robot_meshes: Mapping[str, str] = Field(default_factory=dict)
     """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot."""
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_switch(cls, value: Any, info: ValidationInfo) -> Any:
+        """true and false are no numbers and no names."""
+        parts = [*value.values()] if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else [value]
+        if info.field_name not in _SWITCHES and any(isinstance(part, bool) for part in parts):
+            raise ValueError("is true or false where a number or a name is wanted")
+        return value
+
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", mode="before")
     @classmethod
     def _listed(cls, value: Any, info: ValidationInfo) -> Any:
@@ -138,7 +156,17 @@ class Recipe(BaseModel):
                 raise ValueError(f"holds {item!r}, which is not a name")
             if info.field_name == "embodiments" and not is_embodiment(item):
                 raise ValueError(f"holds {item!r}, which is neither a name nor a pair of names written left+right")
+        if len(items) > MOST_ITEMS:
+            raise ValueError(f"has {len(items)} values; at most {MOST_ITEMS} are allowed")
         return tuple(dict.fromkeys(items))
+
+    @field_validator("alpha")
+    @classmethod
+    def _apart(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        """Speeds that have directories of their own."""
+        if len({f"{alpha:g}" for alpha in value}) < len(value):
+            raise ValueError("holds two speeds that are the same to six digits, which name directories")
+        return value
 
     @field_validator("cameras", mode="before")
     @classmethod
@@ -227,9 +255,9 @@ def _camera(item: Any) -> str | NamedCamera:
         try:
             return NamedCamera.model_validate(dict(item))
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(map(str, first["loc"][:1]))
-            raise ValueError(f"describes a camera whose {where} is wrong: {first['msg'].removeprefix('Value error, ')}") from error
+            wrong = {str(e["loc"][0])[:_SHOWN]: e["msg"].removeprefix("Value error, ").lower() for e in error.errors()}
+            said = ", ".join(f"{key} ({message})" for key, message in wrong.items())
+            raise ValueError(f"describes a camera in which these are wrong: {said}") from error
     name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
     if name is None:
         raise ValueError(
@@ -238,31 +266,71 @@ def _camera(item: Any) -> str | NamedCamera:
     return name
 
 
-def parse_recipe(values: Mapping[str, Any], source: str = "recipe") -> Recipe:
+def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
     """A recipe whose keys and values have the right form; whether its tasks and robots exist is for `run.names` to say.
 
-    Raises RecipeError in one line that names `source`, the key and what is wrong.
+    Raises RecipeError in one line that names `source` and the key, or the option that gave it (`flags`), and what is wrong.
     """
     try:
-        return Recipe.model_validate(dict(values))
+        recipe = Recipe.model_validate(dict(values))
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(p) for p in first["loc"][:1])
-        plain = first["msg"].removeprefix("Value error, ").lower()
-        said = "is not a key of a recipe" if first["type"] == "extra_forbidden" else plain
-        raise RecipeError(f"{source}: {where} {said} (got {first['input']!r})") from error
+        key = str(first["loc"][0])[:_SHOWN] if first["loc"] else ""
+        where = (flags or {}).get(key) or f"{source}: {key}"
+        plain = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        said = f"is not a key of a recipe; keys are {', '.join(Recipe.model_fields)}"
+        if first["type"] != "extra_forbidden":
+            said = plain[0].lower() + plain[1:]
+        raise RecipeError(f"{where} {said} (got {_shown(first['input'])})") from error
+    check_size(recipe, source)
+    return recipe
+
+
+def check_size(recipe: Recipe, source: str = "recipe") -> None:
+    """Raise RecipeError for a recipe of no episode, or of more than one dataset holds; without tasks it is counted for one."""
+    if not recipe.tasks:
+        recipe = recipe.model_copy(update={"tasks": ("all",)})
+    wanted = recipe.variants * sum(recipe.wanted(cell) for cell in recipe.cells())
+    if not 0 < wanted <= MOST_SLOTS:
+        raise RecipeError(f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes, alpha or variants")
+
+
+def _shown(value: Any) -> str:
+    """A value as a message shows it: short, whatever it is."""
+    shown = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
+    return " ".join(shown.split())[:_SHOWN]
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain YAML in which no mapping has a key twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [k.value for k, _ in node.value if isinstance(k, yaml.ScalarNode)]
+        if twice := next((k for k in keys if keys.count(k) > 1), None):
+            raise yaml.constructor.ConstructorError(problem=f"{twice[:_SHOWN]!r} stands there twice", problem_mark=node.start_mark)
+        return super().construct_mapping(node, deep)
 
 
 def read_recipe(path: Path) -> dict[str, Any]:
-    """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a YAML mapping."""
+    """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a YAML mapping of texts."""
     try:
-        values = yaml.safe_load(path.read_text())
+        with open(path, "rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
+            raise RecipeError(f"{path}: has more than {LARGEST_FILE} bytes; a recipe is a short YAML file")
+        values = yaml.load(data.decode(), _Loader)
+    except RecursionError as error:
+        raise RecipeError(f"{path}: is nested too deeply for a recipe; write plain keys and lists") from error
     except OSError as error:
         raise RecipeError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise RecipeError(f"{path}: is not text ({error.reason})") from error
     except yaml.YAMLError as error:
-        raise RecipeError(f"{path}: is not YAML ({str(error).splitlines()[0]})") from error
-    if not isinstance(values, dict):
-        raise RecipeError(f"{path}: is not a mapping of recipe keys")
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        raise RecipeError(f"{path}: is not YAML ({line}{problem})") from error
+    except ValueError as error:
+        raise RecipeError(f"{path}: holds a value that cannot be read ({' '.join(str(error).split())[:_SHOWN]})") from error
+    if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
+        raise RecipeError(f"{path}: is not a mapping of recipe keys, like `levels: [1, 2]`")
     return values

@@ -33,6 +33,7 @@ from pipeline.export.common import (
     Facts,
     by_embodiment,
     exported_cameras,
+    judging,
     make_groups,
     read_facts,
     read_summary,
@@ -43,7 +44,7 @@ from pipeline.export.common import (
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.images import decode_jpeg, padded, reordered, resize
 from pipeline.export.options import camera_names_option, image_size, one_of, option
-from pipeline.export.provenance import Provenance
+from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Aloha(Exporter[AlohaOptions]):
             for name, (directory, paths) in groups.items():
                 directory.mkdir(parents=True, exist_ok=True)
                 longest = _longest(paths) if job.options.pad else 0
-                first, rows = None, Provenance(directory / "episodes.parquet")
+                first, rows = None, Provenance(directory / PROVENANCE)
                 with closing(rows):
                     for index, path in enumerate(paths):
                         with reading(path) as file:
@@ -112,12 +113,12 @@ class Aloha(Exporter[AlohaOptions]):
             for index, path in enumerate(paths):
                 exported = directory / f"episode_{index}.hdf5"
                 if exported.name in found:
-                    try:
-                        with reading(path) as file, h5py.File(exported, "r") as f:
-                            facts = read_facts(file, dataset)
+                    with reading(path) as file:
+                        facts = read_facts(file, dataset)
+                        with judging(exported, problems), h5py.File(exported, "r") as f:
                             problems += [f"{exported}: {p} {path}" for p in _compare(f, file, facts, longest, options)]
-                    except (OSError, KeyError, ValueError) as error:
-                        problems.append(f"{exported}: cannot be read ({error})")
+            with judging(directory / PROVENANCE, problems):
+                problems += check_provenance(directory / PROVENANCE, dataset, paths)
         return problems
 
 
@@ -218,6 +219,11 @@ def _compare(f: Any, file: EpisodeFile, facts: Facts, longest: int, options: Alo
         problems.append("fps or length differs from")
     if list(f.attrs["names"]) != list(facts.log.vector_names):
         problems.append("joint names differ from")
+    said = {"task": facts.spec.task, "instruction": facts.instruction, "spec": facts.spec.to_json()}
+    problems += [f"{name} differs from" for name, want in said.items() if f.attrs[name] != want]
+    for split, want in (("seen", facts.seen), ("unseen", facts.unseen)):
+        if [text.decode() for text in f[f"instructions/{split}"][()]] != want:
+            problems.append(f"instructions/{split} differ from")
     order = list(f.attrs["cameras"])
     for camera, name in exported_cameras(facts, options.camera_names).items():
         data = f[f"observations/images/{name}"]

@@ -11,6 +11,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.atomic import atomic_directory, sweep
@@ -105,6 +106,22 @@ def reading(path: Path) -> Iterator[EpisodeFile]:
         raise ExportError(message if str(path) in message else f"{path}: {message}") from error
     except (KeyError, ValueError, OSError) as error:
         raise ExportError(f"{path}: is not a complete episode ({error}); delete it and run the build again") from error
+
+
+EXPORT_FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
+"""What readers of other formats raise for a damaged file."""
+
+
+@contextmanager
+def judging(place: Path, problems: list[str]) -> Iterator[None]:
+    """Within `reading`, around all that reads an export: what goes wrong there is a problem of the export at `place`.
+
+    What is wrong with the episode comes out as EpisodeError or ExportError as before.
+    """
+    try:
+        yield
+    except (*EXPORT_FAULTS, pa.ArrowException) as error:
+        problems.append(f"{place}: cannot be read ({' '.join(str(error).split())[:200]})")
 
 
 def read_facts(file: EpisodeFile, dataset: Path) -> Facts:

@@ -8,14 +8,21 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
-from pipeline.export.common import Facts, exported_cameras, read_facts, reading
-from pipeline.export.lerobot_format import CLOCK_FEATURES, DATA_PATH, VIDEO_PATH, data_columns, image_key
-from pipeline.export.provenance import scalars
+from pipeline.export.common import Facts, exported_cameras, judging, read_facts, reading
+from pipeline.export.lerobot_format import (
+    CLOCK_FEATURES,
+    DATA_PATH,
+    VIDEO_PATH,
+    data_columns,
+    described_cameras,
+    image_key,
+    modality,
+)
+from pipeline.export.provenance import check_provenance, scalars
 from pipeline.export.video import frames_of
 
 IMAGE_TOLERANCE = 8.0  # mean absolute difference of 0-255 that AV1 at crf 30 stays well below
@@ -30,10 +37,11 @@ def check_v3(dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[st
     and where it differs clearly from the frame before or after, not closer to that one.
     Raises ExportError for episode files that cannot be read.
     """
-    try:
-        return _check_dataset(dataset, root, paths, given)
-    except (OSError, KeyError, ValueError, pa.ArrowException) as error:
-        return [f"{root}: is not a complete LeRobot dataset ({error})"]
+    problems: list[str] = []
+    with judging(root, problems):
+        problems += _check_dataset(dataset, root, paths, given)
+        problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths)
+    return problems
 
 
 def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[str, str]) -> list[str]:
@@ -49,23 +57,40 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
     stats = json.loads((root / "meta/stats.json").read_text())
     problems += [f"{root}: has no statistics of {name}" for name in sorted(set(info["features"]) - set(stats))]
     problems += check_features(root, info)
+    with reading(paths[0]) as file:
+        first = read_facts(file, dataset)
+    with judging(root / "meta", problems):
+        problems += check_described(root, first, given, len(paths))
     start = 0
     videos = _Videos(root)
     for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
+        where = f"{root}: episode {index} ({path.name})"
         with reading(path) as file:
             facts = read_facts(file, dataset)
             names = exported_cameras(facts, given)
-            problems += [f"{path}: {p}" for p in _check_row(facts, index, start, row, tasks, info)]
-            at = root / DATA_PATH.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
-            columns = data_columns(facts, names, index, start, tasks.get(facts.instruction, -1))
-            problems += [f"{path}: {p}" for p in check_columns(at, index, columns)]
-            for camera, name in names.items():
-                problems += [f"{path}: {camera} {p}" for p in _check_video(file, camera, image_key(name), row, videos)]
+            with judging(root, problems):
+                problems += [f"{where}: {p}" for p in _check_row(facts, index, start, row, tasks, info)]
+                at = root / DATA_PATH.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
+                columns = data_columns(facts, names, index, start, tasks.get(facts.instruction, -1))
+                problems += [f"{where}: {at.name}: {p}" for p in check_columns(at, index, columns)]
+                for camera, name in names.items():
+                    problems += [f"{where}: {camera} {p}" for p in _check_video(file, camera, image_key(name), row, videos)]
         start += len(facts)
     if info["total_frames"] != start:
         problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
     videos.close()
     return problems + videos.leftover
+
+
+def check_described(root: Path, first: Facts, given: Mapping[str, str], episodes: int) -> list[str]:
+    """meta/modality.json and meta/domino.json must describe a dataset whose first episode this is."""
+    names, problems = exported_cameras(first, given), []
+    if json.loads((root / "meta/modality.json").read_text()) != json.loads(json.dumps(modality(first, names))):
+        problems.append(f"{root}/meta/modality.json: is not that of the episodes")
+    said = json.loads((root / "meta/domino.json").read_text())
+    wanted = {"names": list(first.log.vector_names), "episodes": episodes, "fps": first.fps, "embodiment": first.spec.embodiment}
+    wanted["cameras"] = json.loads(json.dumps(described_cameras(first, names)))
+    return problems + [f"{root}/meta/domino.json: {key} is not that of the episodes" for key in wanted if said[key] != wanted[key]]
 
 
 def check_features(root: Path, info: Mapping[str, Any]) -> list[str]:

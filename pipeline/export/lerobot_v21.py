@@ -17,14 +17,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.export.common import ExportError, Facts, exported_cameras, read_facts, reading
+from pipeline.export.common import ExportError, Facts, exported_cameras, judging, read_facts, reading
 from pipeline.export.exporter import register
 from pipeline.export.lerobot import LerobotExporter, Writer, description
-from pipeline.export.lerobot_check import check_columns, check_features, check_images
+from pipeline.export.lerobot_check import check_columns, check_described, check_features, check_images
 from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, image_key
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_card
+from pipeline.export.provenance import check_provenance
 from pipeline.export.video import VideoFile, frames_of
 
 VERSION = "v2.1"
@@ -124,10 +125,9 @@ class LerobotV21(LerobotExporter[LerobotOptions]):
         except ExportError as error:
             return [str(error)]
         for root, paths in datasets_of(episodes, out, options.per_task).values():
-            try:
+            with judging(root, problems):
                 problems += _check_dataset(dataset, root, paths, options.camera_names)
-            except (OSError, KeyError, ValueError, pa.ArrowException) as error:
-                problems.append(f"{root}: is not a complete LeRobot dataset ({error})")
+                problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths)
         return problems
 
 
@@ -140,19 +140,29 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
     for what, got in (("episodes", info["total_episodes"]), ("episode rows", len(rows)), ("data files", found)):
         if got != len(paths):
             problems.append(f"{root}: has {got} {what} for {len(paths)} episodes")
+    with reading(paths[0]) as file:
+        first = read_facts(file, dataset)
+    with judging(root / "meta", problems):
+        problems += check_described(root, first, given, len(paths))
+        stats = [json.loads(line) for line in (root / "meta/episodes_stats.jsonl").read_text().splitlines()]
+        if [row["episode_index"] for row in stats] != list(range(len(paths))):
+            problems.append(f"{root}/meta/episodes_stats.jsonl: has not one row an episode")
     start = 0
     for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
         with reading(path) as file:
             facts = read_facts(file, dataset)
             names = exported_cameras(facts, given)
-            if row != {"episode_index": index, "tasks": [facts.instruction], "length": len(facts)}:
-                problems.append(f"{path}: its row says {row}")
-            task = tasks.index(facts.instruction) if facts.instruction in tasks else -1
-            columns = data_columns(facts, names, index, start, task)
-            problems += [f"{path}: {p}" for p in check_columns(root / place(DATA_PATH, index), index, columns)]
+            with judging(root, problems):
+                if row != {"episode_index": index, "tasks": [facts.instruction], "length": len(facts)}:
+                    problems.append(f"{root}: episode {index} is not {path}: its row says {row}")
+                task = tasks.index(facts.instruction) if facts.instruction in tasks else -1
+                columns, at = data_columns(facts, names, index, start, task), root / place(DATA_PATH, index)
+                problems += [f"{at}: {p} ({path.name})" for p in check_columns(at, index, columns)]
             for camera, name in names.items():
-                video = [(time, np.asarray(rgb)) for time, rgb in frames_of(root / place(VIDEO_PATH, index, image_key(name)))]
-                problems += [f"{path}: {camera} {p}" for p in check_images(file, camera, video, 0.0)]
+                mp4 = root / place(VIDEO_PATH, index, image_key(name))
+                with judging(mp4, problems):
+                    video = [(time, np.asarray(rgb)) for time, rgb in frames_of(mp4)]
+                    problems += [f"{mp4}: {p} ({path.name})" for p in check_images(file, camera, video, 0.0)]
         start += len(facts)
     if info["total_frames"] != start:
         problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")

@@ -22,10 +22,12 @@ import pyarrow.parquet as pq
 
 from pipeline.data.episode import EpisodeFile
 from pipeline.export.common import (
+    EXPORT_FAULTS,
     ExportError,
     Facts,
     event_frames,
     exported_cameras,
+    judging,
     ordered,
     read_facts,
     reading,
@@ -34,7 +36,7 @@ from pipeline.export.common import (
 )
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import camera_names_option, option, whole
-from pipeline.export.provenance import Provenance
+from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 
 FILE_BYTES = 200 * 1024 * 1024
 IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})  # what Hugging Face datasets stores an image as
@@ -129,7 +131,7 @@ class Parquet(Exporter[ParquetOptions]):
             names = {name: list(f.log.vector_names) for name, f in firsts.items()}
             schema = _schema(reference.fps, list(images.values()), names)
             files = _Files(folder, schema, list(images.values()), job.options.file_bytes)
-            rows = Provenance(folder / "episodes.parquet")
+            rows = Provenance(folder / PROVENANCE)
             frames = 0
             with closing(rows), closing(files):
                 for index, path in enumerate(paths):
@@ -152,20 +154,25 @@ class Parquet(Exporter[ParquetOptions]):
         try:
             options = self.options_of(out)
             groups = [(f, i) for f in files for i in range(pq.read_metadata(f).num_row_groups)]
-        except (OSError, ExportError, pa.ArrowException) as error:
-            return [f"{out}: {error}"]
+        except (*EXPORT_FAULTS, ExportError, pa.ArrowException) as error:
+            return [f"{out}: cannot be read ({' '.join(str(error).split())})"]
         if len(groups) != len(paths):
             problems.append(f"{out}: has {len(groups)} row groups for {len(paths)} episodes")
         for index, (path, (name, group)) in enumerate(zip(paths, groups, strict=False)):
             with reading(path) as file:
                 facts = read_facts(file, dataset)
-                with pq.ParquetFile(name) as source:
-                    got = source.read_row_group(group)
-                want = _table(index, facts, file, image_columns(facts, options), got.schema)
-            if len(got) != len(want):
-                problems.append(f"{path}: {len(got)} rows for {len(want)} frames")
-                continue
-            problems += [f"{path}: column {c} differs" for c in want.column_names if not got[c].equals(want[c])]
+                where = f"{name}, row group {group}"
+                with judging(name, problems):
+                    with pq.ParquetFile(name) as source:
+                        got = source.read_row_group(group)
+                    want = _table(index, facts, file, image_columns(facts, options), got.schema)
+                    if len(got) != len(want):
+                        problems.append(f"{where}: {len(got)} rows for {len(want)} frames of {path}")
+                        continue
+                    differ = [c for c in want.column_names if not got[c].equals(want[c])]
+                    problems += [f"{where}: column {c} differs from {path}" for c in differ]
+        with judging(out / PROVENANCE, problems):
+            problems += check_provenance(out / PROVENANCE, dataset, paths)
         return problems
 
 

@@ -1,6 +1,7 @@
 """Where an episode comes from, as columns: what travels with every row of metadata, and the longer texts in a file of their own."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.state_log import StateLog
-from pipeline.export.common import Facts
+from pipeline.export.common import Facts, read_facts, reading
 
 
 def scalars(facts: Facts) -> dict[str, Any]:
@@ -79,6 +80,26 @@ def provenance(index: int, facts: Facts) -> dict[str, Any]:
         "objects": json.dumps({name: info.model_dump() for name, info in facts.meta.objects.items()}, sort_keys=True),
         "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
     }
+
+
+PROVENANCE = "episodes.parquet"
+"""File of these rows in most formats."""
+
+
+def check_provenance(file: Path, dataset: Path, paths: Sequence[Path]) -> list[str]:
+    """Compare a file of `provenance` rows with its episodes, in order; returns the problems found.
+
+    Raises what Arrow and the file system raise for a file that cannot be read, ExportError for episodes that cannot.
+    """
+    rows = pq.read_table(file, schema=PROVENANCE_SCHEMA).to_pylist()
+    if len(rows) != len(paths):
+        return [f"{file}: has {len(rows)} rows for {len(paths)} episodes"]
+    problems = []
+    for index, (path, row) in enumerate(zip(paths, rows, strict=True)):
+        with reading(path) as episode:
+            wanted = provenance(index, read_facts(episode, dataset))
+        problems += [f"{file}: row {index}: {name} is not that of {path}" for name in wanted if row[name] != wanted[name]]
+    return problems
 
 
 class Provenance:

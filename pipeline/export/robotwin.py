@@ -33,11 +33,11 @@ from pipeline.data.episode import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.data.recipe import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, grouped, judging, make_groups, read_facts, reading, same, staged, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.images import reordered
 from pipeline.export.options import one_of, option
-from pipeline.export.provenance import Provenance
+from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.poses import compose, pose
 
 BEHIND_TCP = 0.12  # m
@@ -72,7 +72,7 @@ class Robotwin(Exporter[RobotwinOptions]):
                 for part in ("data", "instructions"):
                     (root / part).mkdir(parents=True)
                 first, scenes, seeds = None, {}, []
-                with closing(Provenance(root / "episodes.parquet")) as rows:
+                with closing(Provenance(root / PROVENANCE)) as rows:
                     for index, path in enumerate(paths):
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
@@ -105,7 +105,11 @@ class Robotwin(Exporter[RobotwinOptions]):
             problems += [f"{out / name}: {odd} is missing or belongs to no episode" for odd in sorted(found ^ wanted)]
             for index, path in enumerate(paths):
                 if f"episode{index}.hdf5" in found:
-                    problems += [f"{path}: {p}" for p in _compare(dataset, path, out / name, index, order)]
+                    problems += _compare(dataset, path, out / name, index, order)
+            with judging(out / name, problems):
+                problems += _compare_lists(dataset, paths, out / name)
+            with judging(out / name / PROVENANCE, problems):
+                problems += check_provenance(out / name / PROVENANCE, dataset, paths)
         return problems
 
 
@@ -156,19 +160,37 @@ def _write(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: str
 
 
 def _compare(dataset: Path, path: Path, root: Path, index: int, order: Literal["rgb", "bgr"]) -> list[str]:
-    try:
-        with reading(path) as file, h5py.File(root / "data" / f"episode{index}.hdf5") as opened:
+    exported, words = root / "data" / f"episode{index}.hdf5", root / "instructions" / f"episode{index}.json"
+    problems: list[str] = []
+    with reading(path) as file:
+        facts = read_facts(file, dataset)
+        arrays = episode_arrays(file, facts)
+        with judging(exported, problems), h5py.File(exported) as opened:
             f: Any = opened
-            facts = read_facts(file, dataset)
-            problems = [f"{k} differs" for k, want in episode_arrays(file, facts).items() if not np.array_equal(f[k][()], want)]
+            differ = [k for k, want in arrays.items() if not np.array_equal(f[k][()], want)]
             if f.attrs["jpeg_order"] != order or f.attrs["spec"] != facts.spec.to_json():
-                problems.append("JPEG order or spec differs")
+                differ.append("JPEG order or spec")
             for camera in facts.cameras:
                 if not np.array_equal(f[f"observation/{camera}/rgb"][()], coded(file, camera, order)):
-                    problems.append(f"{camera} images differ")
-            said = json.loads((root / "instructions" / f"episode{index}.json").read_text())
-            if said != {"seen": facts.seen, "unseen": facts.unseen}:
-                problems.append("instructions differ")
-            return problems
-    except (OSError, KeyError, ValueError) as error:
-        return [f"its export cannot be read ({error})"]
+                    differ.append(f"{camera} images")
+            problems += [f"{exported}: {what} differ from {path}" for what in differ]
+    with judging(words, problems):
+        if json.loads(words.read_text()) != {"seen": facts.seen, "unseen": facts.unseen}:
+            problems.append(f"{words}: instructions differ from {path}")
+    return problems
+
+
+def _compare_lists(dataset: Path, paths: Sequence[Path], root: Path) -> list[str]:
+    """Compare scene_info.json and seed.txt of a configuration with its episodes."""
+    scenes, seeds = {}, []
+    for index, path in enumerate(paths):
+        with reading(path) as file:
+            facts = read_facts(file, dataset)
+        scenes[f"episode_{index}"] = scene(facts)
+        seeds.append(str(facts.spec.seed))
+    problems = []
+    if json.loads((root / "scene_info.json").read_text()) != json.loads(json.dumps(scenes)):
+        problems.append(f"{root / 'scene_info.json'}: is not that of the episodes")
+    if (root / "seed.txt").read_text().split() != seeds:
+        problems.append(f"{root / 'seed.txt'}: has other seeds than the episodes")
+    return problems

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.data.recipe import Recipe, RecipeError, parse_recipe
+from pipeline.data.recipe import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.tasks import TASKS
 from pipeline.world.robots import UnknownEmbodiment, canonical_name, get_embodiment
 
@@ -23,10 +23,11 @@ def resolve(recipe: Recipe, source: str = "recipe") -> Recipe:
     except UnknownEmbodiment as error:
         raise RecipeError(f"{source}: {error}") from error
     recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
+    check_size(recipe, source)
     used = {name: meshes[name] for name in recipe.robots() if name in meshes}
     return recipe.model_copy(update={"robot_meshes": used})
 
 
-def recipe_from(values: Mapping[str, Any], source: str = "recipe") -> Recipe:
-    """A checked and resolved recipe from the keys of a file or of options. Raises RecipeError."""
-    return resolve(parse_recipe(values, source), source)
+def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
+    """A checked and resolved recipe from the keys of a file or of options (`flags`: option by key). Raises RecipeError."""
+    return resolve(parse_recipe(values, source, flags), source)

@@ -1,6 +1,7 @@
 """`domino-data render`: new images of a dataset's episodes, in a dataset of their own."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,11 +34,18 @@ class RenderResult:
 
 
 def render(
-    source: Dataset, out: Dataset, changes: dict[str, Any], pool: Pool, timeout: float = ATTEMPT_SECONDS, quiet: bool = False
+    source: Dataset,
+    out: Dataset,
+    changes: dict[str, Any],
+    pool: Pool,
+    *,
+    quiet: bool = False,
+    flags: Mapping[str, str] | None = None,
 ) -> RenderResult:
     """Draw every finished episode of `source` into the dataset `out`, or go on doing so; what is up to date there is left alone.
 
-    `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ from the source's.
+    `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ from the source's, `flags` the
+    options that gave them, for messages.
     Raises DatasetError for a source that is no dataset or has no episodes, or where `out` holds another recipe; RecipeError and
     CameraError for changes that cannot be drawn; NoRenderer without Vulkan; VendorMeshError for meshes that the source lacks;
     EngineError where workers cannot be started or do not last.
@@ -46,7 +54,7 @@ def render(
     if here.is_relative_to(there) or there.is_relative_to(here):
         raise DatasetError(f"--out {out.root} is the dataset itself, within it or around it: name another directory")
     held = source.recipe()
-    recipe = parse_recipe(held.model_dump() | changes, "options")
+    recipe = parse_recipe(held.model_dump() | changes, "options", flags)
     _check_cameras(source, held, recipe)
     device = ensure_renderer()
     meshes = find_meshes(recipe.robot_meshes, [source.assets, out.assets])
@@ -57,7 +65,7 @@ def render(
     drawn = {job.slot for job in work.jobs}
     mend_assets(out, [s for s, r in out.records(recipe) if r.accepted and s not in drawn], from_source(out, source))
     try:
-        problems = draw_all(work, pool, timeout, quiet)
+        problems = draw_all(work, pool, ATTEMPT_SECONDS, quiet)
     finally:
         out.write_attempts(recipe)
         made_by = _provenance(source)

@@ -84,12 +84,13 @@ def write_gallery(
     unknown = [n for n in names if n not in FAMILIES]
     if unknown:
         raise KeyError(f"no object family {unknown[0]!r}; families are {', '.join(sorted(FAMILIES))}")
+    # before the drawing, which takes seconds
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
     exhibits = {
         name: [_exhibit(FAMILIES[name].draw(np.random.Generator(np.random.Philox(k))), size) for k in range(per_family)]
         for name in names
     }
     page = render_page("pipeline.world", "gallery.html", families=exhibits, width=size[0])
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(page, encoding="utf-8")
 
 

@@ -114,8 +114,8 @@ def test_the_order_has_no_default():
 @pytest.mark.parametrize(
     ("key", "spoil", "message"),
     [
-        ("joint_action/vector", lambda x: x + 1e-9, "joint_action/vector differs"),
-        ("endpose/left_endpose", lambda x: x[::-1], "endpose/left_endpose differs"),
+        ("joint_action/vector", lambda x: x + 1e-9, "joint_action/vector differ"),
+        ("endpose/left_endpose", lambda x: x[::-1], "endpose/left_endpose differ"),
         ("observation/head_camera/rgb", lambda x: x[::-1], "head_camera images differ"),
     ],
 )

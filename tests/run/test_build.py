@@ -132,8 +132,10 @@ def test_a_damaged_episode_is_found_and_made_again(mine, built, capsys, monkeypa
     code, out, err = command(capsys, monkeypatch, "verify", mine, "--json")
     assert (code, err) == (1, "")
     failed = {c["name"]: c["problems"] for c in json.loads(out)["checks"] if not c["ok"]}
-    assert str(path) in failed["hashes"][0]
-    assert str(path) in failed["readable"][0]
+    name = path.relative_to(mine).as_posix()
+    assert failed["hashes"][0].startswith(name)
+    assert failed["readable"][0].startswith(name)
+    assert set(failed) == {"hashes", "readable"}
     path.unlink()
     assert json.loads(build(mine, "--json"))["made"] == 1
     assert contents(mine) == contents(built)
@@ -358,4 +360,4 @@ def test_an_episode_without_a_ledger_entry_is_found(capsys, monkeypatch, mine):
     make_episode(stray, frames=2)
     code, out, _ = command(capsys, monkeypatch, "verify", mine, "--json")
     assert code == 1
-    assert str(stray) in next(c for c in json.loads(out)["checks"] if c["name"] == "files")["problems"][0]
+    assert stray.relative_to(mine).as_posix() in next(c for c in json.loads(out)["checks"] if c["name"] == "files")["problems"][0]

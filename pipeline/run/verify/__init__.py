@@ -1,0 +1,5 @@
+"""`domino-data verify`: re-check what a dataset promises, from the files alone, each file by itself."""
+
+from pipeline.run.verify.dataset import verify
+
+__all__ = ["verify"]

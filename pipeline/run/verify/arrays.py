@@ -1,0 +1,97 @@
+"""Whether every array of an episode file is there, with its type and shape, finite, and says what the others say."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.cameras import cam2world_gl, extrinsics_cv, intrinsics
+from pipeline.data.episode import EpisodeError, EpisodeFile
+from pipeline.data.names import SIDES
+from pipeline.data.state_log import CONTACT_DTYPE
+from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+
+UNIT = 1e-3  # how far the length of a quaternion may be from 1
+EXACT = 1e-9
+
+type Shape = tuple[int, ...]
+
+
+def shapes(file: EpisodeFile) -> dict[str, Shape]:
+    """Shape of every float64 array that an episode has (docs/formats.md). Raises EpisodeError where names are missing."""
+    frames = len(file)
+    names = file.names("joint_state", "names")
+    bodies, joints = len(file.names("state", "bodies")), len(file.names("state", "joints"))
+    found: dict[str, Shape] = {"timestamp": (frames,), "target/pose": (frames, 7), "target/velocity": (frames, 3)}
+    for group in ("joint_action", "joint_state"):
+        found[f"{group}/vector"] = (frames, len(names))
+        for side in SIDES:
+            arm = sum(n.startswith(f"{side}_") and n != f"{side}_gripper" for n in names)
+            found |= {f"{group}/{side}_arm": (frames, arm), f"{group}/{side}_gripper": (frames,)}
+    for side in SIDES:
+        found |= {f"endpose/{side}_endpose": (frames, 7), f"endpose/{side}_gripper": (frames,)}
+    found |= {f"objects/{name}/pose": (frames, 7) for name in file.meta.objects}
+    found |= {"state/poses": (frames, bodies, 7), "state/qpos": (frames, joints), "state/qvel": (frames, joints)}
+    for camera in file.cameras:
+        matrices = {"intrinsic_cv": (3, 3), "extrinsic_cv": (3, 4), "cam2world_gl": (4, 4), "pose": (7,)}
+        found |= {f"observation/{camera}/{key}": (frames, *shape) for key, shape in matrices.items()}
+    return found
+
+
+def check_arrays(name: str, file: EpisodeFile) -> Iterator[Finding]:
+    """Types, shapes and finite values of all float arrays; the contacts; what is stored twice must be equal."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for key, shape in shapes(file).items():
+        try:
+            values = file.array(key)
+        except EpisodeError as error:
+            yield Finding("arrays", str(error).replace(str(file.path), name))
+            continue
+        right = values.shape == shape and values.dtype == np.float64
+        yield seen("arrays", right, f"{name}: {key} is {values.dtype}{list(values.shape)}, not float64{list(shape)}")
+        if right:
+            arrays[key] = values
+            yield seen("finite", np.isfinite(values).all(), f"{name}: {key} holds values that are not finite")
+            if shape[-1:] == (7,):
+                length = np.linalg.norm(values[..., 3:], axis=-1)
+                yield seen("quaternions", (np.abs(length - 1) < UNIT).all(), f"{name}: {key} has a quaternion that is no rotation")
+    for key, wanted in _twice(file, arrays):
+        yield seen("stored twice", np.allclose(arrays[key], wanted, atol=EXACT), f"{name}: {key} is not what the other arrays say")
+    yield from _contacts(name, file)
+
+
+def _twice(file: EpisodeFile, arrays: dict[str, NDArray[Any]]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Arrays that follow from others, and what they should be; those that are missing are left out."""
+    names, bodies = file.names("joint_state", "names"), file.names("state", "bodies")
+    for group in ("joint_action", "joint_state"):
+        if (vector := arrays.get(f"{group}/vector")) is None:
+            continue
+        for side in SIDES:
+            arm = [i for i, n in enumerate(names) if n.startswith(f"{side}_") and n != f"{side}_gripper"]
+            yield f"{group}/{side}_arm", vector[:, arm]
+            yield f"{group}/{side}_gripper", vector[:, names.index(f"{side}_gripper")]
+            if group == "joint_state":
+                yield f"endpose/{side}_gripper", vector[:, names.index(f"{side}_gripper")]
+    if (poses := arrays.get("state/poses")) is not None:
+        for body in file.meta.objects:
+            yield f"objects/{body}/pose", poses[:, bodies.index(body)]
+        yield "target/pose", poses[:, bodies.index(file.meta.target)]
+    for camera, info in file.meta.drawing.cameras.items():
+        group = f"observation/{camera}"
+        if (pose := arrays.get(f"{group}/pose")) is not None:
+            yield f"{group}/extrinsic_cv", extrinsics_cv(pose)
+            yield f"{group}/cam2world_gl", cam2world_gl(pose)
+            yield f"{group}/intrinsic_cv", np.repeat(intrinsics(info.camera(camera).type)[None], len(pose), 0)
+
+
+def _contacts(name: str, file: EpisodeFile) -> Iterator[Finding]:
+    try:
+        rows = file.array("state/contacts").astype(CONTACT_DTYPE, casting="safe")
+    except FAULTS as error:
+        yield Finding("arrays", f"{name}: state/contacts: {line(error)}")
+        return
+    bodies = len(file.names("state", "bodies"))
+    inside = (rows["frame"] >= 0) & (rows["frame"] < len(file)) & (rows["a"] >= 0) & (rows["a"] < rows["b"]) & (rows["b"] < bodies)
+    finite = np.isfinite(rows["impulse"]) & np.isfinite(rows["point"]).all(-1)
+    yield seen("contacts", (inside & finite).all(), f"{name}: state/contacts names a frame or a body that there is not")

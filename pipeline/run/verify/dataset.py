@@ -1,0 +1,161 @@
+"""All checks of a dataset: every file judged by itself, on as many workers as wanted, then what concerns them all."""
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.recipe import Recipe, Slot
+from pipeline.run.engine import run
+from pipeline.run.pool import Died, Done, Limit, Pool
+from pipeline.run.ray_session import session
+from pipeline.run.state import DONE, OPEN, states
+from pipeline.run.strikes import Strikes
+from pipeline.run.verify.episode import Judged, judge_episode
+from pipeline.run.verify.exports import check_export, exports_of
+from pipeline.run.verify.layout import check_attempts, check_ledger, check_provenance, check_strays
+from pipeline.run.verify.stored import check_assets, check_robot_meshes, check_stage
+from pipeline.run.verify.tally import Finding, Tally
+
+CONTACT_SECONDS, CONTACT_METRES = 0.1, 0.01
+EPISODE_SECONDS = 600.0
+"""What judging one episode may take before its worker counts as hung."""
+
+DIRECTORY_SECONDS = 24 * 3600.0
+"""The same for an export or a stage of annotations, each one job."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker judges: a slot, or the directory of a stage or an export (relative to the dataset), with its episodes."""
+
+    root: str
+    recipe: Recipe
+    slot: Slot | None = None
+    directory: str = ""
+    episodes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The slot's path or the directory."""
+        return self.slot.path if self.slot else self.directory
+
+
+def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -> dict[str, Any]:
+    """Check every file of a dataset. Returns {"ok", "episodes", "open", "checks": [...], "meeting": {task: medians}}.
+
+    Slots that were not tried yet are no problem, and nothing of them is counted as checked. Raises DatasetError for a directory
+    that is no dataset, EngineError where workers cannot be started or do not last.
+    """
+    recipe, tally, pool = dataset.recipe(), Tally(), pool or Pool()
+    root = str(dataset.root.resolve())
+    tally.add(check_robot_meshes(dataset, recipe))
+    found = list(states(dataset, recipe))
+    jobs = [Job(root, recipe, slot) for slot, state in found if state.todo != OPEN or dataset.ledger(slot).exists()]
+    unrecorded = [slot for slot, state in found if state.todo == OPEN and not dataset.ledger(slot).exists()]
+    for slot in unrecorded:
+        tally.add(check_ledger(dataset, recipe, slot)[1])
+    stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
+    with session(pool), tqdm(total=len(jobs), unit="ep", disable=not progress, dynamic_ncols=True) as bar:
+        judged = list(_judge(jobs, pool, bar))
+        for each in judged:
+            tally.add(each.findings)
+        sound = [each for each in judged if each.sound]
+        accepted = sum(state.record is not None and state.record.accepted for _, state in found)
+        rest = [Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages]
+        paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
+        exports = exports_of(dataset)
+        if len(sound) == accepted:
+            rest += [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
+        for each in _judge(rest, pool, bar):
+            tally.add(each.findings)
+    if len(sound) < accepted:
+        for place in exports:
+            tally[f"export {place.name}"].note = f"not compared while {accepted - len(sound)} episodes are damaged"
+    tally.add(check_strays(dataset, recipe))
+    names = [(dataset.episode(each.slot).relative_to(dataset.root).as_posix(), each.assets) for each in sound]
+    tally.add(check_assets(dataset, names))
+    waiting = sum(state.record is None for _, state in found)
+    tally.add(check_attempts(dataset, recipe, not waiting))
+    tally.add(check_provenance(dataset, not waiting))
+    stale = sum(state.todo not in (DONE, OPEN) for _, state in found)
+    notes = [f"{waiting} slots not built yet"] * bool(waiting)
+    notes += [f"{stale} made by another version of code or recipe, see status"] * bool(stale)
+    tally["files"].note = ", ".join(notes)
+    medians = _medians(sound)
+    _summarise_meetings(tally, medians)
+    checks = [check.as_dict() for check in tally.checks.values()]
+    return {"ok": all(c["ok"] for c in checks), "episodes": len(sound), "open": waiting, "checks": checks, "meeting": medians}
+
+
+def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged]:
+    """Everything judged, in the order of the jobs; one that takes two workers with it is a problem of its own."""
+    queue = deque(jobs)
+    order, done, strikes = [job.name for job in queue], dict[str, Judged](), Strikes(pool.workers)
+    if not order:
+        return
+    limit = Limit[Job](lambda job: EPISODE_SECONDS if job.slot else DIRECTORY_SECONDS)
+    with closing(run(judge, queue, pool, limit)) as ends:
+        for end in ends:
+            match end:
+                case Done(job, judged):
+                    strikes.done()
+                    done[job.name] = judged
+                case Died(job, reason) if strikes.out(job.name):
+                    why = f"{job.name}: {reason.replace('_', ' ')} twice while reading it; remove it and run the build again"
+                    done[job.name] = Judged(job.slot or next(job.recipe.slots()), [Finding("readable", why)])
+                case Died(job, _):
+                    queue.append(job)
+                    continue
+            bar.update(1)
+    yield from (done[name] for name in order)
+
+
+def judge() -> Callable[[Job], Judged]:
+    """The work of a worker."""
+    return judge_one
+
+
+def judge_one(job: Job) -> Judged:
+    """What is wrong with a slot, or with a directory of annotations or of an export."""
+    dataset = Dataset(Path(job.root))
+    if job.slot is None:
+        place = dataset.root / job.directory
+        found = check_export(dataset, place, [Path(e) for e in job.episodes]) if job.episodes else check_stage(dataset, place)
+        return Judged(next(job.recipe.slots()), list(found))
+    record, findings = check_ledger(dataset, job.recipe, job.slot)
+    if record is None or not record.accepted:
+        return Judged(job.slot, findings)
+    judged = judge_episode(dataset, job.recipe, job.slot, record)
+    return Judged(job.slot, findings + judged.findings, judged.sound, judged.meeting, judged.assets)
+
+
+def _medians(judged: Iterable[Judged]) -> dict[str, dict[str, float]]:
+    """Medians of the meetings by task."""
+    meetings: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for each in judged:
+        if each.meeting is not None:
+            meetings[each.slot.cell.task].append(each.meeting)
+    return {
+        task: {
+            "median_abs_seconds": float(np.median([abs(t) for t, _ in pairs])),
+            "median_metres": float(np.median([d for _, d in pairs])),
+            "worst_seconds": float(max((t for t, _ in pairs), key=abs)),
+        }
+        for task, pairs in meetings.items()
+    }
+
+
+def _summarise_meetings(tally: Tally, medians: dict[str, dict[str, float]]) -> None:
+    for task, m in medians.items():
+        close = m["median_abs_seconds"] <= CONTACT_SECONDS and m["median_metres"] <= CONTACT_METRES
+        said = f"{task} {1000 * m['median_abs_seconds']:.0f} ms {1000 * m['median_metres']:.1f} mm"
+        tally.add([Finding("meeting", "" if close else f"{task}: first contact is off by a median of {said}")])
+        check = tally["meeting"]
+        check.note = f"{check.note}, {said}" if check.note else f"medians: {said}"

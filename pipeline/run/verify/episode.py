@@ -1,0 +1,107 @@
+"""One slot judged by itself: its ledger entry, its episode file, and whether both are what the recipe wants."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode import EpisodeFile
+from pipeline.data.keys import file_hash
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.names import CAMERAS
+from pipeline.data.recipe import Recipe, Slot
+from pipeline.run.verify.arrays import check_arrays
+from pipeline.run.verify.images import check_images
+from pipeline.run.verify.physics import CHECKS, Physics
+from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.stages.failure import Failure
+
+AGAIN = "run the build again"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What was found of one slot. `meeting` is how late (s) and how far off (m) the first contact was; `assets` maps bodies to the
+    hashes of what they were drawn from; `sound` says whether the file is the one that was written."""
+
+    slot: Slot
+    findings: list[Finding]
+    sound: bool = False
+    meeting: tuple[float, float] | None = None
+    assets: dict[str, str] = field(default_factory=dict)
+
+
+def judge_episode(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord) -> Judged:
+    """All checks of one slot whose ledger entry says that it was accepted. Nothing that is wrong with the file is raised."""
+    path = dataset.episode(slot)
+    name = path.relative_to(dataset.root).as_posix()
+    if not path.exists():
+        return Judged(slot, [Finding("files", f"{name}: is in the ledger and missing; {AGAIN}")])
+    findings = [Finding("files")]
+    try:
+        same = file_hash(path) == record.sha256
+    except OSError as error:
+        return Judged(slot, [*findings, Finding("readable", f"{name}: cannot be read ({error.strerror}); {AGAIN}")])
+    findings.append(seen("hashes", same, f"{name}: bytes differ from the ledger's sha256; {AGAIN}"))
+    try:
+        with EpisodeFile(path) as file:
+            found = _judge_file(name, file, recipe, slot, record)
+    except FAULTS as error:
+        return Judged(slot, [*findings, Finding("readable", f"{name}: {line(error).removeprefix(f'{path}: ')}")])
+    return Judged(slot, findings + found.findings, same and found.sound, found.meeting, found.assets)
+
+
+def _judge_file(name: str, file: EpisodeFile, recipe: Recipe, slot: Slot, record: SlotRecord) -> Judged:
+    checks: list[tuple[str, Callable[[], Iterator[Finding]]]] = [
+        ("spec", lambda: check_spec(name, file, recipe, slot, record)),
+        ("arrays", lambda: check_arrays(name, file)),
+        ("jpeg", lambda: check_images(name, file)),
+    ]
+    findings = list[Finding]()
+    physics: Physics | None = None
+    try:
+        physics = Physics(name, file.read(), recipe)
+    except FAULTS as error:
+        findings.append(Finding("readable", f"{name}: {line(error).removeprefix(f'{file.path}: ')}"))
+    else:
+        findings.append(Finding("readable"))
+        checks += [(kind, partial(check, physics)) for kind, check in CHECKS.items()]
+    for kind, check in checks:
+        try:
+            findings += check()
+        except (*FAULTS, Failure) as error:
+            findings.append(Finding(kind, f"{name}: {line(error).removeprefix(f'{file.path}: ')}"))
+    if physics is None or any(finding.problem for finding in findings):
+        return Judged(slot, findings)
+    return Judged(slot, findings, True, physics.meeting(), dict(file.meta.drawing.assets))
+
+
+def check_spec(name: str, file: EpisodeFile, recipe: Recipe, slot: Slot, record: SlotRecord) -> Iterator[Finding]:
+    """The episode is the one that the recipe wants at this place: spec, seed, variant, rate, cameras, sensors, keys."""
+    spec, cell, meta = file.spec, slot.cell, file.meta
+    got = (spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain, spec.slot)
+    wanted = (cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index)
+    yield seen("spec", got == wanted, f"{name}: is the episode {_words(got)}, not {_words(wanted)}")
+    seeds = [recipe.spec(slot.physical, number).seed for number in range(recipe.attempts)]
+    tried = [row["seed"] for row in record.attempts if row["outcome"] == "accepted"] or seeds
+    right = spec.seed in seeds and spec.seed in tried
+    yield seen("spec", right, f"{name}: its seed {spec.seed} is not that of its accepted attempt")
+    yield seen("variant", meta.variant == slot.variant, f"{name}: says that it is variant {meta.variant}")
+    yield seen("recipe", meta.fps == recipe.fps, f"{name}: has {meta.fps} frames per second, the recipe {recipe.fps}")
+    ruling = recipe.ruling()
+    contact = "stop" if ruling.stops(meta.category) else "continue"
+    got, wanted = (meta.rules, meta.contact, meta.layout), (ruling.name, contact, ruling.layout)
+    yield seen("recipe", got == wanted, f"{name}: was judged by the rules {', '.join(got)}, the recipe says {', '.join(wanted)}")
+    cameras = {CAMERAS[c] if isinstance(c, str) else c.name for c in recipe.cameras}
+    yield seen("recipe", set(file.cameras) == cameras, f"{name}: has cameras {', '.join(file.cameras)}, not {', '.join(cameras)}")
+    for camera in cameras & set(file.cameras):
+        for key, given in (("depth", recipe.depth), ("actor_segmentation", recipe.segmentation)):
+            has = file.has(f"observation/{camera}/{key}")
+            yield seen("recipe", has == given, f"{name}: {camera} has {'a' if has else 'no'} {key}, unlike the recipe")
+    keys = (meta.physics_key, meta.render_key) == (record.keys.physics.digest, record.keys.render.digest)
+    yield seen("keys", keys, f"{name}: its keys are not those of its ledger entry")
+
+
+def _words(values: tuple[object, ...]) -> str:
+    task, embodiment, level, alpha, domain, index = values
+    return f"{task}/{embodiment}/L{level}/alpha {alpha}/{domain}/{index}"

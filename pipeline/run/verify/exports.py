@@ -1,0 +1,35 @@
+"""Whether the exports below exports/ say what the episodes say. What is wrong with one is never blamed on an episode."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pipeline.data.dataset import Dataset
+from pipeline.export import EXPORTERS
+from pipeline.export.common import ExportError, read_summary
+from pipeline.run.verify.tally import FAULTS, Finding, line
+
+EXPORT_AGAIN = "export again"
+
+
+def exports_of(dataset: Dataset) -> list[Path]:
+    """Directories below exports/, sorted; what a process is just writing left out."""
+    root = dataset.root / "exports"
+    return sorted(p for p in root.iterdir() if not p.name.startswith(".")) if root.is_dir() else []
+
+
+def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Iterator[Finding]:
+    """One export against the episodes, all of which must be sound. Its directory may have any name; export.json says its format."""
+    check, where = f"export {place.name}", place.relative_to(dataset.root)
+    try:
+        name = read_summary(place)["format"]
+        exporter = EXPORTERS[name]
+    except FAULTS as error:
+        yield Finding(check, f"{where}: cannot be read ({line(error)}); {EXPORT_AGAIN}, or remove it")
+        return
+    try:
+        problems = exporter.check(dataset.root, place, sorted(episodes))
+    except (ExportError, *FAULTS) as error:
+        problems = [line(error)]
+    yield from (Finding(check, f"{problem.replace(f'{dataset.root}/', '')}; {EXPORT_AGAIN}") for problem in problems)
+    if not problems:
+        yield Finding(check)

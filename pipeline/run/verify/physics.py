@@ -1,0 +1,119 @@
+"""Whether an episode's physics is what it says: its clock, the target's path and speed, the meeting, success."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.data.episode import Episode
+from pipeline.data.physics_id import physics_id
+from pipeline.data.recipe import Recipe
+from pipeline.data.rules import rules_of
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.registry import UnknownName
+from pipeline.run.verify.tally import Finding, seen
+from pipeline.stages.scene import Scene, build_scene
+
+TARGET_TOLERANCE = 1e-3
+MEETING_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Physics:
+    """One episode, its motion, and its scene built again."""
+
+    name: str
+    episode: Episode
+    recipe: Recipe
+
+    @cached_property
+    def motion(self) -> TargetMotion:
+        """The target's motion as stored. Raises ValueError, KeyError or TypeError for text that is none."""
+        return TargetMotion.from_json(self.episode.motion)
+
+    @cached_property
+    def scene(self) -> Scene | None:
+        """The scene of the spec by the rules that the header names, or None for a task or robot that this version does not have.
+
+        Raises ValueError for a header that names rules which do not exist.
+        """
+        try:
+            return build_scene(self.episode.spec, rules_of(self.episode.meta))
+        except UnknownName:
+            return None
+
+    @property
+    def missing(self) -> str:
+        """The task or robot of the spec that this version does not have."""
+        try:
+            build_scene(self.episode.spec, rules_of(self.episode.meta))
+        except UnknownName as unknown:
+            return str(unknown)
+        return ""
+
+    @property
+    def end(self) -> np.ndarray:
+        """Where robot and target are to meet (3,), m."""
+        return np.zeros(3) if self.scene is None else self.scene.bodies[self.episode.meta.target].pose[:3]
+
+    def meeting(self) -> tuple[float, float] | None:
+        """How late the first contact was (s), and how far the target's motion was from its end then (m)."""
+        real = self.episode.log.time_of("meeting")
+        if real is None or self.scene is None:
+            return None
+        return real - self.episode.meta.meeting_time, float(np.linalg.norm(self.motion.position(real) - self.end))
+
+
+def check_clock(p: Physics) -> Iterator[Finding]:
+    """Frames are k / fps, events fall between them and are those of an accepted episode."""
+    log, fps = p.episode.log, p.episode.meta.fps
+    yield seen("timestamps", np.allclose(log.times, np.arange(len(log)) / fps, atol=1e-9), f"{p.name}: timestamps are not k / fps")
+    outside = [e.name for e in log.events if not 0 <= e.time <= log.times[-1] + 1 / fps]
+    yield seen("events", not outside, f"{p.name}: {', '.join(outside)} is not within the episode")
+    for wanted in ("meeting", "success"):
+        yield seen("events", log.event(wanted), f"{p.name}: has no {wanted} event")
+
+
+def check_identity(p: Physics) -> Iterator[Finding]:
+    """Its physics_id is that of spec and log; its instructions are sentences."""
+    e = p.episode
+    same = e.meta.physics_id == physics_id(e.spec, e.log)
+    yield seen("physics id", same, f"{p.name}: its physics_id is not that of its spec and state log")
+    for split, sentences in e.instructions.items():
+        right = bool(sentences) and all(s.strip() and s.isprintable() for s in sentences)
+        yield seen("instructions", right, f"{p.name}: instruction/{split} is empty or holds what is no sentence")
+
+
+def check_motion(p: Physics) -> Iterator[Finding]:
+    """The target is on its motion until it is released, and no faster than alpha; level 3 is abrupt."""
+    e, motion, log = p.episode, p.motion, p.episode.log
+    release = log.time_of("release")
+    kinematic = log.times < (np.inf if release is None else release)
+    gap = np.linalg.norm(log.pose(e.meta.target)[kinematic, :3] - motion.position(log.times[kinematic]), axis=1).max()
+    yield seen("target path", gap < TARGET_TOLERANCE, f"{p.name}: target {1000 * gap:.2f} mm off its motion")
+    if not e.spec.moving:
+        yield seen("speed", motion.maximum_speed() == 0.0, f"{p.name}: the target of a static episode moves")
+        return
+    bound = motion.average_speed() if e.spec.level > 1 and p.recipe.speed_bound == "average" else motion.maximum_speed()
+    yield seen("speed", 0 < bound <= e.spec.alpha * (1 + 1e-6), f"{p.name}: {bound:.4f} m/s is over alpha {e.spec.alpha:g}")
+    said = (e.meta.average_speed, e.meta.maximum_speed)
+    right = np.allclose(said, (motion.average_speed(), motion.maximum_speed()), atol=1e-6)
+    yield seen("speed", right, f"{p.name}: states speeds of {said} m/s")
+    if e.spec.level == 3:
+        jumps = np.atleast_1d(motion.velocity_jumps())
+        yield seen("abrupt", len(jumps) and float(jumps.max()) > 0, f"{p.name}: a level-3 target never changes velocity abruptly")
+
+
+def check_success(p: Physics) -> Iterator[Finding]:
+    """The motion ends at the meeting place, and success holds when evaluated again from the state log."""
+    if p.scene is None:
+        yield Finding("success", f"{p.name}: cannot be re-evaluated with this version: {p.missing}")
+        return
+    miss = float(np.linalg.norm(p.motion.position(p.episode.meta.meeting_time) - p.end))
+    yield seen("meeting place", miss < MEETING_TOLERANCE, f"{p.name}: motion is {1000 * miss:.3f} mm from its end at T_meet")
+    yield seen("success", p.scene.succeeded(p.episode.log), f"{p.name}: success does not hold when re-evaluated from its state log")
+
+
+CHECKS = {"timestamps": check_clock, "physics id": check_identity, "target path": check_motion, "success": check_success}
+"""Name of the promise that is broken where one of these cannot be judged at all -> how it is judged."""

@@ -1,0 +1,95 @@
+"""What is stored beside the episodes: the assets they were drawn from, and their annotations."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.annotate.keys import annotation_key, stage_key
+from pipeline.annotate.store import CorruptAnnotation, Entry, read_entry
+from pipeline.data.assets import AssetError, AssetStore
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode import EpisodeFile
+from pipeline.data.keys import frames_digest
+from pipeline.data.recipe import Recipe
+from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.world.robots.mesh_store import folder_of, mesh_hash
+
+RECOMPUTE = "run annotate again"
+
+
+def check_assets(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]]) -> Iterator[Finding]:
+    """The store holds, whole, what each episode (name, assets by body) says it was drawn from; each asset is read once."""
+    store, known = AssetStore(dataset.bodies), dict[str, str]()
+    for name, assets in named:
+        yield seen("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
+        for body, key in assets.items():
+            if key not in known:
+                known[key] = ""
+                try:
+                    store.get(key)
+                except AssetError as error:
+                    known[key] = f"{line(error)} ({body} of {name})"
+                    yield Finding("assets", known[key].replace(f"{dataset.root}/", ""))
+    wanted = {store.path(key) for key in known}
+    for path in sorted(p for p in dataset.bodies.rglob("*") if p.is_file() and p.suffix != ".tmp"):
+        if path not in wanted and (path.suffix != ".npz" or not _holds(store, path)):
+            yield Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it")
+
+
+def _holds(store: AssetStore, path: Path) -> bool:
+    try:
+        store.get(path.stem)
+    except AssetError:
+        return False
+    return store.path(path.stem) == path
+
+
+def check_robot_meshes(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
+    """Vendor meshes in the dataset are those that its recipe names."""
+    for model, key in recipe.robot_meshes.items():
+        place = folder_of(dataset.assets, model).relative_to(dataset.root)
+        said = f"{place}: not the meshes that the recipe names; run the build again with --assets DIR that holds them"
+        yield seen("robot meshes", mesh_hash(dataset.assets, model) == key, said)
+
+
+def check_stage(dataset: Dataset, directory: Path) -> Iterator[Finding]:
+    """One directory of annotations: stage.json, and every file by itself."""
+    check, where = f"annotations {directory.name}", directory.relative_to(dataset.root)
+    try:
+        stage = json.loads((directory / "stage.json").read_bytes())
+        of = (str(stage["stage"]), int(stage["version"]), dict(stage["parameters"]))
+        named = directory.name == f"{of[0]}@{stage_key(*of)}"
+    except FAULTS as error:
+        yield Finding(check, f"{where}/stage.json: cannot be read ({line(error)}); {RECOMPUTE}")
+        return
+    yield seen(check, named, f"{where}/stage.json: is not that of this directory; {RECOMPUTE}")
+    if not named:
+        return  # by another description every file would seem wrong
+    for path in sorted(p for p in directory.rglob("*") if not p.is_dir() and p.suffix != ".tmp" and p.name != "stage.json"):
+        name = path.relative_to(dataset.root).as_posix()
+        episode = dataset.episodes / path.relative_to(directory).with_suffix(".hdf5")
+        if path.suffix != ".h5" or not episode.exists():
+            yield Finding("strays", f"{name}: belongs to no episode; remove it")
+            continue
+        try:
+            entry = read_entry(path)
+        except (CorruptAnnotation, *FAULTS) as error:
+            yield Finding(check, f"{name}: {line(error).removeprefix(f'{path}: ')}")
+            continue
+        inputs = entry.attributes.get("inputs", {})
+        same = annotation_key(*of, inputs) == entry.key
+        yield seen(check, same, f"{name}: its key is not that of its stage and inputs; {RECOMPUTE}")
+        yield from _fits(check, name, entry, episode, of[2])
+
+
+def _fits(check: str, name: str, entry: Entry, episode: Path, parameters: Mapping[str, Any]) -> Iterator[Finding]:
+    """Whether an annotation is of the frames that the episode has; an episode that cannot be read is another check's matter."""
+    frames = entry.attributes.get("inputs", {}).get("frames")
+    try:
+        with EpisodeFile(episode) as file:
+            now = frames_digest(bytes(data) for data in file.array(f"observation/{parameters['camera']}/rgb"))
+    except FAULTS:
+        return
+    if frames is not None:
+        yield seen(check, frames == now, f"{name}: was made from other frames than its episode has now; {RECOMPUTE}")

@@ -1,0 +1,65 @@
+"""What was looked at and what was wrong: one finding an observation, one check a promise."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from pipeline.data.errors import DominoError
+
+FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError, DominoError)
+"""What a damaged file may make h5py, numpy and our own readers raise, depending on which byte it is."""
+
+SPELLED_OUT = 5
+
+
+class Finding(NamedTuple):
+    """One observation of a check; `problem` is empty where the promise is kept."""
+
+    check: str
+    problem: str = ""
+
+
+def seen(check: str, ok: object, problem: str) -> Finding:
+    """The observation that `ok` holds, or the problem."""
+    return Finding(check, "" if ok else problem)
+
+
+def line(error: BaseException) -> str:
+    """The message of an error in one line of at most 200 characters."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@dataclass
+class Check:
+    """One promise: how many things were looked at and what was wrong."""
+
+    name: str
+    looked: int = 0
+    problems: list[str] = field(default_factory=list)
+    note: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For printing; the first problems are spelled out."""
+        detail = f"{self.looked} checked" + (f", {self.note}" if self.note else "")
+        if self.problems:
+            more = f" and {len(self.problems) - SPELLED_OUT} more" if len(self.problems) > SPELLED_OUT else ""
+            detail += f"; {len(self.problems)} problems: " + "; ".join(self.problems[:SPELLED_OUT]) + more
+        return {"name": self.name, "ok": not self.problems, "checked": self.looked, "detail": detail, "problems": self.problems}
+
+
+class Tally:
+    """All checks of one run, by name, in the order they were first used."""
+
+    def __init__(self) -> None:
+        self.checks: dict[str, Check] = {}
+
+    def __getitem__(self, name: str) -> Check:
+        return self.checks.setdefault(name, Check(name))
+
+    def add(self, findings: Iterable[Finding]) -> None:
+        """Count observations."""
+        for name, problem in findings:
+            check = self[name]
+            check.looked += 1
+            if problem:
+                check.problems.append(problem)

@@ -1,0 +1,152 @@
+"""What the cases of bad input are about: recipes, datasets, exports and vendors' robots, most of them bad."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
+from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.ledger import SlotRecord
+from pipeline.run.names import recipe_from
+from tests.synthetic import make_episode
+
+BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+"""A few lines that stand for 9^8 values."""
+
+RECIPES = {
+    "empty": "",
+    "list": "[1, 2]",
+    "scalar": "click_bell",
+    "null": "~",
+    "broken": "a: [1\nb: {",
+    "tabs": "tasks:\n\t- click_bell",
+    "tag": "tasks: !!python/object/apply:os.system [ls]",
+    "bomb": f"{BOMB}tasks: *i\n",
+    "bomb-meshes": BOMB.replace("a: &a", "robot_meshes: {x: &a").replace("[x, x]\n", "[x, x]}\n", 1),
+    "deep": "tasks: " + "[" * 20_000 + "]" * 20_000,
+    "deep-maps": "\n".join(" " * n + "a:" for n in range(1000)),
+    "twice": "seed: 1\nseed: 2\n",
+    "number-keys": "1: 2\n",
+    "unknown": "tasks: click_bell\nepisdoes: 3\n",
+    "bool-episodes": "episodes: true",
+    "bool-seed": "seed: yes",
+    "bool-levels": "levels: [true]",
+    "bool-alpha": "alpha: [on]",
+    "bool-fps": "fps: true",
+    "bool-domain": "episodes: {clean: true}",
+    "text-episodes": "episodes: ten",
+    "text-depth": "depth: maybe",
+    "many-episodes": f"episodes: {10**23}",
+    "float-episodes": "episodes: 1.0e+23",
+    "half-episodes": "episodes: 1.5",
+    "no-episodes": "episodes: {clean: 0}",
+    "many-slots": "episodes: 1000000\nalpha: [0.1, 0.2]\n",
+    "huge-number": f"seed: {'9' * 6000}",
+    "nan-alpha": "alpha: .nan",
+    "inf-alpha": "alpha: .inf",
+    "close-alphas": "alpha: [0.2, 0.20000001]",
+    "many-alphas": f"alpha: {np.linspace(0.01, 1.9, 2000).round(6).tolist()}",
+    "no-levels": "levels: []",
+    "no-embodiments": "embodiments: []",
+    "no-alpha": "alpha: []",
+    "no-cameras": "cameras: []",
+    "maps-for-tasks": "tasks: {click_bell: 1}",
+    "path-task": "tasks: ../../etc/passwd",
+    "date-name": "name: 2024-01-01",
+    "null-seed": "seed: ~",
+    "fps-7": "fps: 7",
+    "small": "size: [1, 1]",
+    "one-side": "size: [64]",
+    "nose": "cameras: nose",
+    "camera-twice": "cameras: [head, head]",
+    "camera-bare": "cameras: [{name: top}]",
+    "camera-nan": "cameras: [{name: top, pose: [.nan, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
+    "camera-turn": "cameras: [{name: top, pose: [0, 0, 0, 0, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
+    "camera-path": "cameras: [{name: ../top, pose: [0, 0, 0, 1, 0, 0, 0], width: 64, height: 48, fovy: 40}]",
+    "variants": "variants: 3",
+    "cloud": "pointcloud: true\ncameras: left",
+    "attempts": "attempts: 100000",
+    "lead": "lead: -1",
+    "instructions": "instructions: 0",
+    "meshes": "robot_meshes: {r2d2: abc}",
+}
+"""Text by name of a recipe that cannot be used."""
+
+URDFS = {
+    "absolute": '<mesh filename="/etc/passwd"/>',
+    "url": '<mesh filename="file:///etc/passwd"/>',
+    "http": '<mesh filename="http://localhost/part.stl"/>',
+    "above": '<mesh filename="../../part.stl"/>',
+    "gone": '<mesh filename="gone.stl"/>',
+    "scale": '<mesh filename="part.stl" scale="nan 1 1"/>',
+    "torus": "<torus/>",
+}
+"""Geometry by name of a robot that is refused."""
+
+
+def furnish(root: Path) -> None:
+    """Write everything below `root`."""
+    recipes, robots = root / "recipes", root / "robots"
+    recipes.mkdir(parents=True)
+    for name, text in RECIPES.items():
+        (recipes / f"{name}.yaml").write_text(text)
+    (recipes / "binary.yaml").write_bytes(bytes(range(128, 256)))
+    (recipes / "utf16.yaml").write_bytes("seed: 1".encode("utf-16"))
+    (recipes / "large.yaml").write_text("# large\n" * 200_000)
+    (recipes / "directory.yaml").mkdir()
+    for name, geometry in URDFS.items():
+        (robots / name).mkdir(parents=True)
+        links = f'<link name="link1"><visual><geometry>{geometry}</geometry></visual></link>'
+        (robots / name / "robot.urdf").write_text(f'<robot name="r">{links}</robot>')
+        (robots / name / "part.stl").write_bytes(b"solid part")
+    for name, data in {
+        "empty": b"",
+        "text": b"robot",
+        "bomb": b'<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><robot name="&b;"/>',
+        "encoding": b'<?xml version="1.0" encoding="utf-99"?><robot name="r"/>',
+        "xacro": b'<robot xmlns:xacro="http://ros.org/x"><xacro:include filename="a"/></robot>',
+    }.items():
+        (robots / name).mkdir()
+        (robots / name / "robot.urdf").write_bytes(data)
+    (robots / "none").mkdir()
+    (root / "file").write_text("x")
+    (root / "foreign").mkdir()
+    (root / "foreign" / "thesis.txt").write_text("precious")
+    (root / "policy.py").write_text("def make_policy(:\n")
+    (root / "no_policy.py").write_text("x = 1\n")
+    _datasets(root)
+
+
+def _datasets(root: Path) -> None:
+    whole = root / "data"
+    recipe = recipe_from({"tasks": "click_bell", "levels": [1], "episodes": 1})
+    dataset = Dataset(whole)
+    dataset.create(recipe)
+    for slot in recipe.slots():
+        make_episode(dataset.episode(slot), frames=3)
+        keys = SlotKeys(Key({"core": "x"}), Key({"looks": "x"}), Key({"phrases": "x"}))
+        row = {"seed": recipe.spec(slot, 0).seed, "outcome": "accepted", "seconds": 1.0}
+        record = SlotRecord(keys, True, file_hash(dataset.episode(slot)), (row,), {})
+        write_atomic(dataset.ledger(slot), record.to_json())
+    for name, text in {
+        "no-manifest": None,
+        "bad-manifest": "levels: [9]\n",
+        "bomb-manifest": RECIPES["bomb"],
+        "huge-manifest": RECIPES["many-episodes"],
+        "binary-manifest": "\x00",
+    }.items():
+        copy = Path(shutil.copytree(whole, root / name))
+        (copy / "manifest.yaml").unlink()
+        if text is not None:
+            (copy / "manifest.yaml").write_text(text)
+    for name in ("cut", "changed", "directory"):
+        path = next(Path(shutil.copytree(whole, root / name)).glob("episodes/**/*.hdf5"))
+        data = path.read_bytes()
+        path.write_bytes(data[:1000] if name == "cut" else data + b"\0")
+        if name == "directory":
+            path.unlink()
+            path.mkdir()
+    unbuilt = Dataset(root / "unbuilt")
+    unbuilt.create(recipe)

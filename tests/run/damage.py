@@ -1,0 +1,242 @@
+"""Ways to damage a file, and what a kind of damage is."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+FIRST, SECOND = (f"click_bell/aloha-agilex/L1/clean/episode_000000{i}" for i in range(2))
+EPISODE, OTHER = f"episodes/{FIRST}.hdf5", f"episodes/{SECOND}.hdf5"
+ENTRY, OTHER_ENTRY = f"ledger/{FIRST}.json", f"ledger/{SECOND}.json"
+CAMERA = "observation/head_camera"
+BUILD, ANNOTATE, EXPORT, USER = "build", "annotate", "export", "you"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One way to damage a dataset: in which file, how, the check that must say so, and who puts it right.
+
+    `check` "refused" means that no check can be made: the command ends with one line that names the file.
+    """
+
+    file: str
+    what: str
+    damage: Callable[[Path], object]
+    check: str
+    by: str = BUILD
+
+
+# --- how ----------------------------------------------------------------------------------------------------------------------
+
+
+def cut(share: float) -> Callable[[Path], object]:
+    """Keep the first part of a file."""
+    return lambda path: path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+
+
+def flip(at: float, length: int = 1) -> Callable[[Path], object]:
+    """Invert bytes at a share of the file's length."""
+
+    def damage(path: Path) -> None:
+        data = bytearray(path.read_bytes())
+        start = int(at * len(data))
+        data[start : start + length] = bytes(255 - b for b in data[start : start + length])
+        path.write_bytes(data)
+
+    return damage
+
+
+def text(content: str) -> Callable[[Path], object]:
+    """Replace a file by a text."""
+    return lambda path: path.write_text(content)
+
+
+def directory(path: Path) -> None:
+    """Put a directory where the file was."""
+    path.unlink()
+    path.mkdir()
+
+
+def dangling(path: Path) -> None:
+    """Put a link to nothing where the file was."""
+    path.unlink()
+    path.symlink_to("nowhere")
+
+
+def gone(path: Path) -> None:
+    """Remove the file."""
+    path.unlink()
+
+
+def swap(first: str, second: str) -> Callable[[Path], object]:
+    """Exchange the file, whose path ends in `first`, with another."""
+
+    def damage(path: Path) -> None:
+        other = Path(str(path).removesuffix(first) + second)
+        spare = path.with_suffix(".spare")
+        path.rename(spare)
+        other.rename(path)
+        spare.rename(other)
+
+    return damage
+
+
+def copied(first: str, second: str) -> Callable[[Path], object]:
+    """Overwrite the file, whose path ends in `first`, with another."""
+    return lambda path: shutil.copy(str(path).removesuffix(first) + second, path)
+
+
+def hdf5(change: Callable[[Any], object]) -> Callable[[Path], object]:
+    """Change an HDF5 file in place."""
+
+    def damage(path: Path) -> None:
+        with h5py.File(path, "r+") as file:
+            change(file)
+
+    return damage
+
+
+def put(key: str, change: Callable[[Any], Any]) -> Callable[[Path], object]:
+    """Replace a dataset by what `change` makes of its content."""
+
+    def damage(file: Any) -> None:
+        values = change(file[key][()])
+        del file[key]
+        file[key] = values
+
+    return hdf5(damage)
+
+
+def drop(key: str) -> Callable[[Path], object]:
+    """Remove a dataset or group."""
+
+    def damage(file: Any) -> None:
+        del file[key]
+
+    return hdf5(damage)
+
+
+def attribute(name: str, value: Any) -> Callable[[Path], object]:
+    """Set an attribute of the file; None removes it."""
+
+    def damage(file: Any) -> None:
+        if value is None:
+            del file.attrs[name]
+        else:
+            file.attrs[name] = value
+
+    return hdf5(damage)
+
+
+def inside(name: str, **values: Any) -> Callable[[Path], object]:
+    """Change keys of an attribute that is JSON."""
+
+    def damage(file: Any) -> None:
+        file.attrs[name] = json.dumps(json.loads(file.attrs[name]) | values)
+
+    return hdf5(damage)
+
+
+def at(index: Any, value: float) -> Callable[[Any], Any]:
+    """An array with one number replaced."""
+
+    def change(values: Any) -> Any:
+        values[index] = value
+        return values
+
+    return change
+
+
+def moved(values: Any) -> Any:
+    """Poses one centimetre to the right."""
+    values[..., 0] += 0.01
+    return values
+
+
+def image(data: bytes) -> Callable[[Any], Any]:
+    """Frames of which the third is `data`."""
+
+    def change(values: Any) -> Any:
+        frames = [bytes(v) for v in values]
+        frames[2] = data
+        return np.array(frames, dtype=f"S{max(map(len, frames))}")
+
+    return change
+
+
+def jpeg(width: int, height: int, value: int | None = None) -> bytes:
+    """A JPEG of noise, or of one color."""
+    import cv2
+
+    rng = np.random.default_rng(0)
+    pixels = rng.integers(0, 255, (height, width, 3), np.uint8) if value is None else np.full((height, width, 3), value, np.uint8)
+    return cv2.imencode(".jpg", pixels)[1].tobytes()
+
+
+def huge() -> bytes:
+    """A JPEG of 64 x 48 pixels that says it has 65000 x 65000."""
+    data = bytearray(jpeg(64, 48))
+    start = data.index(b"\xff\xc0") + 5
+    data[start : start + 4] = (65000).to_bytes(2) * 2
+    return bytes(data)
+
+
+def entry(**values: Any) -> Callable[[Path], object]:
+    """Change keys of a JSON file; None removes one."""
+
+    def damage(path: Path) -> None:
+        found = json.loads(path.read_text()) | values
+        path.write_text(json.dumps({key: value for key, value in found.items() if value is not None}))
+
+    return damage
+
+
+def row(**values: Any) -> Callable[[Path], object]:
+    """Change the last attempt of a ledger entry."""
+
+    def damage(path: Path) -> None:
+        found = json.loads(path.read_text())
+        found["attempts"][-1] |= values
+        path.write_text(json.dumps(found))
+
+    return damage
+
+
+def key(path: Path) -> None:
+    """Change a part of the physics key of a ledger entry."""
+    found = json.loads(path.read_text())
+    found["keys"]["render"]["shaders"] = "0" * 32
+    path.write_text(json.dumps(found))
+
+
+def table(change: Callable[[pa.Table], pa.Table]) -> Callable[[Path], object]:
+    """Change a Parquet file."""
+    return lambda path: pq.write_table(change(pq.read_table(path)), path)
+
+
+def column(name: str, value: Any) -> Callable[[Path], object]:
+    """Change the first value of a column of a Parquet file."""
+
+    def change(t: pa.Table) -> pa.Table:
+        values = [value, *t[name].to_pylist()[1:]]
+        return t.set_column(t.schema.get_field_index(name), t.schema.field(name), pa.array(values, t.schema.field(name).type))
+
+    return table(change)
+
+
+def line_of(old: str, new: str) -> Callable[[Path], object]:
+    """Replace a text in a file; it must be there."""
+
+    def damage(path: Path) -> None:
+        found = path.read_text()
+        assert old in found
+        path.write_text(found.replace(old, new))
+
+    return damage

@@ -1,0 +1,203 @@
+"""The corruption matrix: every kind of damage is found, blamed on the right file, and put right where it can be.
+
+python -m tests.run.test_corruption > docs/corruption.md
+"""
+
+import shutil
+from dataclasses import replace
+from itertools import batched, zip_longest
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.run.annotate import annotate
+from pipeline.run.build import build
+from pipeline.run.names import recipe_from
+from pipeline.run.pool import Pool
+from pipeline.run.state import DONE, read_states
+from pipeline.run.verify import verify
+from tests.export.test_common import run as export
+from tests.run.damage import ANNOTATE, BUILD, EPISODE, OTHER, Kind, cut, directory, flip, gone, swap, text
+from tests.run.damages import FLOW, KINDS
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "corruption.md"
+FORMATS = {"parquet": {}, "aloha": {}, "robotwin": {"jpeg_order": "rgb"}, "lerobot": {}, "lerobot-v2.1": {}}
+RECIPE = recipe_from(
+    {"tasks": "click_bell", "embodiments": "aloha", "levels": 1, "episodes": 2, "size": [64, 48], "cameras": "head"}
+    | {"render": "raster-fast", "instructions": 3}
+)
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory, worker_id):
+    """A finished dataset of two small episodes with flow maps and every export, made once for all test processes."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "whole-once"
+    with FileLock(f"{shared}.lock"):
+        if not shared.exists():
+            making = shared.with_suffix(".making")
+            build(making, RECIPE, Pool(), quiet=True)
+            annotate(making, ("flow",))
+            dataset = Dataset(making)
+            for format, options in FORMATS.items():
+                export(format, making, dataset.exports(format), dataset.accepted(RECIPE), **options)
+            making.rename(shared)
+    return shared
+
+
+def batches() -> list[tuple[Kind, ...]]:
+    """All kinds; those of different episodes or different exports are made at once, since each is judged by itself."""
+    own = [k for k in KINDS if k.file == EPISODE and "another episode" not in k.what]
+    episodes = [tuple(replace(k, file=file) for k, file in zip(pair, (EPISODE, OTHER), strict=False)) for pair in batched(own, 2)]
+    by_format = [[k for k in KINDS if k.file.startswith(f"exports/{format}/")] for format in FORMATS]
+    exports = [tuple(k for k in group if k is not None) for group in zip_longest(*by_format)]
+    taken = {*own, *(k for of in by_format for k in of)}
+    return [*episodes, *exports, *((k,) for k in KINDS if k not in taken)]
+
+
+def copy_for(kinds: tuple[Kind, ...], whole: Path, to: Path) -> Path:
+    """A copy of the dataset with those of its exports and annotations that the damage is about."""
+    named = {name for kind in kinds for name in kind.file.split("/")[:2]}
+
+    def ignored(folder, names):
+        inside = Path(folder).relative_to(whole)
+        left_out = {"annotations", "exports"} - named if not inside.parts else {*names} - named
+        return left_out if inside.parts in ((), ("exports",)) else ()
+
+    return Path(shutil.copytree(whole, to, ignore=ignored))
+
+
+def place_of(kind: Kind, dataset: Path) -> tuple[Path, str]:
+    """The file of a kind in a dataset, and the name of the check that must fail."""
+    stage = next(iter(sorted(p.name for p in dataset.glob("annotations/flow@*"))), "")
+    file = kind.file.replace("flow@STAGE", stage)
+    if "ASSET" in file:
+        return sorted(dataset.glob("assets/bodies/*/*.npz"))[3], kind.check
+    return dataset / file, f"annotations {stage}" if kind.check == FLOW else kind.check
+
+
+def blame(kind: Kind, path: Path, dataset: Path) -> str:
+    """What every problem must name: the file, or the export; nothing of a file that says something of others."""
+    if kind.file.startswith("exports"):
+        return f"exports/{kind.file.split('/')[1]}"
+    told = kind.file.startswith(("episodes", "annotations", "assets")) and "exchanged" not in kind.what
+    return path.relative_to(dataset).as_posix() if told else ""
+
+
+def failures(dataset: Path) -> dict[str, list[str]]:
+    """Problems by check."""
+    return {c["name"]: c["problems"] for c in verify(Dataset(dataset))["checks"] if not c["ok"]}
+
+
+def test_the_whole_dataset_is_sound(whole):
+    assert failures(whole) == {}
+
+
+@pytest.mark.parametrize("kinds", batches(), ids=lambda kinds: " and ".join(f"{k.file}: {k.what}" for k in kinds))
+def test_damage_is_found_and_blamed_on_its_file(kinds, whole, tmp_path):
+    dataset = copy_for(kinds, whole, tmp_path / "out")
+    places = {kind: place_of(kind, dataset) for kind in kinds}
+    for kind, (path, _) in places.items():
+        kind.damage(path)
+    if kinds[0].check == "refused":
+        with pytest.raises(DatasetError, match=r"manifest\.yaml") as caught:
+            verify(Dataset(dataset))
+        assert "\n" not in str(caught.value)
+        return
+    failed = failures(dataset)
+    problems = [problem for of in failed.values() for problem in of]
+    assert all(len(problem.splitlines()) == 1 for problem in problems)
+    blamed = {kind: blame(kind, path, dataset) for kind, (path, _) in places.items()}
+    for kind, (_, check) in places.items():
+        assert any(blamed[kind] in problem for problem in failed[check]), kind
+    assert all(any(name in problem for name in blamed.values()) for problem in problems)
+    if kinds[0].file.startswith("exports"):
+        assert set(failed) == {check for _, check in places.values()}
+    if kinds[0].by == BUILD and kinds[0].file.startswith(("episodes", "ledger")):
+        assert [s.todo for _, s in read_states(Dataset(dataset), RECIPE, RECIPE.slots())] != [DONE, DONE]
+    if kinds[0].by == ANNOTATE:
+        annotate(dataset, ("flow",))
+        assert failures(dataset) == {}
+
+
+def test_every_kind_is_made():
+    made = sorted((k.file.replace(OTHER, EPISODE), k.what) for batch in batches() for k in batch)
+    assert made == sorted((k.file, k.what) for k in KINDS)
+
+
+@pytest.mark.parametrize(
+    "damages",
+    [
+        {EPISODE: cut(0.5), OTHER: directory, "attempts.parquet": text("none"), "provenance.json": gone},
+        {EPISODE: swap(EPISODE, OTHER), "assets": gone},
+        {EPISODE.replace("episodes", "ledger").replace("hdf5", "json"): directory, OTHER: flip(0.3), "assets": cut(0.5)},
+    ],
+)
+def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
+    dataset = Path(shutil.copytree(whole, tmp_path / "out", ignore=shutil.ignore_patterns("exports", "annotations")))
+    for file, damage in damages.items():
+        for path in sorted(dataset.glob("assets/bodies/*/*.npz"))[2:5] if file == "assets" else [dataset / file]:
+            damage(path)
+    build(dataset, RECIPE, Pool(), quiet=True)
+    assert failures(dataset) == {}
+    for folder in ("episodes", "assets"):
+        files = sorted(p.relative_to(whole) for p in (whole / folder).rglob("*") if p.is_file())
+        assert files == sorted(p.relative_to(dataset) for p in (dataset / folder).rglob("*") if p.is_file())
+        assert all((dataset / p).read_bytes() == (whole / p).read_bytes() for p in files)
+
+
+def test_an_unfinished_dataset_is_no_damaged_one(whole, tmp_path):
+    dataset = Path(shutil.copytree(whole, tmp_path / "out", ignore=shutil.ignore_patterns("exports", "annotations")))
+    for file in (OTHER, OTHER.replace("episodes", "ledger").replace("hdf5", "json"), "attempts.parquet"):
+        (dataset / file).unlink()
+    found = verify(Dataset(dataset))
+    assert (found["ok"], found["episodes"], found["open"]) == (True, 1, 1)
+    files = next(c for c in found["checks"] if c["name"] == "files")
+    assert (files["checked"], files["detail"]) == (1, "1 checked, 1 slots not built yet")
+
+
+def test_workers_find_what_one_process_finds(whole, tmp_path):
+    dataset = Path(shutil.copytree(whole, tmp_path / "out"))
+    cut(0.5)(dataset / EPISODE)
+    assert verify(Dataset(dataset), Pool("ray", 1)) == verify(Dataset(dataset))
+
+
+PAGE = """# What damage is found, and who puts it right
+
+`domino-data verify OUT` reads every file by itself. The table lists the kinds of damage that the tests make, one by one, in
+a dataset of two episodes with flow maps and all exports: the file, what was done to it, the check that says so, and the
+command that puts it right when it is run again. Where that is you, the message says what to do. `refused`: without a recipe
+nothing can be checked, and the command ends with one line that names the file and exit code 2.
+
+A build reads all that is there before it begins: it makes episodes again whose bytes are not those of the ledger, writes
+missing and damaged assets, ledger entries, `attempts.parquet` and `provenance.json` anew, and sweeps temporary files.
+`export` and `annotate` refuse an episode whose bytes are not those of the ledger. An export is compared only while all
+episodes are sound.
+
+{count} kinds; `pytest tests/run/test_corruption.py` makes them all, and `python -m tests.run.test_corruption` prints this
+page.
+
+| file | damage | check that fails | put right by |
+|---|---|---|---|
+"""
+
+
+def document() -> str:
+    """The page that shows the matrix."""
+    lines = [PAGE.format(count=len(KINDS)).removesuffix("\n")]
+    lines += [
+        f"| `{k.file.replace('ASSET', 'HASH').replace('STAGE', 'KEY')}` | {k.what} | {k.check.replace('STAGE', 'KEY')} | {k.by} |"
+        for k in KINDS
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def test_the_page_shows_this_table():
+    assert DOCUMENT.read_text() == document()
+    assert len(KINDS) >= 60
+
+
+if __name__ == "__main__":
+    print(document(), end="")
