@@ -45,7 +45,7 @@ def evaluate(
     seed: Annotated[int, typer.Option(min=0, help="Scenes are drawn from seed 100000 * (1 + SEED).")] = 0,
     clock: Annotated[
         str | None,
-        typer.Option(help="sim, step-locked, latency:MS and other forms (docs/evaluation.md); that of the rules by default."),
+        typer.Option(help="sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); that of the rules by default."),
     ] = None,
     rules: Rules = None,
     contact: Contact = None,
@@ -68,8 +68,7 @@ def evaluate(
     from pipeline.evaluate.policies import policy_name
     from pipeline.evaluate.summary import table
     from pipeline.evaluate.views import CAMERAS
-    from pipeline.run.evaluation import runner
-    from pipeline.run.keys import code_version
+    from pipeline.run.evaluation import evaluation_version, runner
 
     seen = tuple(listed(cameras) or ())
     if unknown := [name for name in seen if name not in CAMERAS]:
@@ -96,7 +95,7 @@ def evaluate(
         cameras=seen,
         split=instructions,
         compounding=compounding,
-        code=code_version(),
+        code=evaluation_version(),
         rules=recipe.ruling(),
     )
     pool = pool_of(executor, workers, address)

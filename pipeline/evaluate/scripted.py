@@ -59,14 +59,15 @@ def with_target_at(scene: Scene, aim: Pose) -> Scene:
 
 
 def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Actions (A,) of skills that are planned one after another from the state the simulation has then, until a plan fails.
+    """Motions, actions (N,A), of skills that are planned one after another from the state the simulation has then, until a plan
+    fails.
 
-    Ask for the next action only after the simulation has executed the last one.
+    Ask for the next motion only after the simulation has executed the last one.
     """
     try:
         for skill in skills:
             for step in skill(actor):
-                yield from at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
+                yield at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
     except PlanFailure:
         return
 
