@@ -45,7 +45,7 @@ class Network:
             h = np.maximum(h @ weight + bias, 0)
         weight, bias = self.layers[-1]
         mean, std = self.output_scale
-        return (h @ weight + bias).reshape(len(x), -1, len(mean)) * std + mean
+        return ((h @ weight + bias) * std + mean).reshape(len(x), self.settings.chunk, -1)
 
     def to_bytes(self) -> bytes:
         """A NumPy archive without pickles."""
@@ -69,10 +69,9 @@ class Network:
 
 
 def scale(values: Floats, least: float = 1e-4) -> tuple[Floats, Floats]:
-    """Mean and standard deviation over all but the last axis; 1 for what is constant."""
-    flat = values.reshape(-1, values.shape[-1])
-    std = flat.std(0)
-    return flat.mean(0), np.where(std < least, 1.0, std)
+    """Mean and standard deviation (F,) of the columns of values (N,F); 1 for those that are constant."""
+    std = values.std(0)
+    return values.mean(0), np.where(std < least, 1.0, std)
 
 
 def train(x: Floats, y: Floats, settings: Settings) -> Network:
@@ -82,9 +81,10 @@ def train(x: Floats, y: Floats, settings: Settings) -> Network:
 
     torch.set_num_threads(1)
     torch.manual_seed(settings.seed)
-    x_scale, y_scale = scale(x), scale(y)
+    flat = y.reshape(len(y), -1)
+    x_scale, y_scale = scale(x), scale(flat)
     inputs = torch.tensor(np.clip((x - x_scale[0]) / x_scale[1], -8, 8), dtype=torch.float32)
-    wanted = torch.tensor(((y - y_scale[0]) / y_scale[1]).reshape(len(y), -1), dtype=torch.float32)
+    wanted = torch.tensor((flat - y_scale[0]) / y_scale[1], dtype=torch.float32)
     sizes = (inputs.shape[1], settings.width, settings.width, wanted.shape[1])
     linear = [torch.nn.Linear(a, b) for a, b in pairwise(sizes)]
     model = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1], torch.nn.ReLU(), linear[2])
