@@ -51,6 +51,7 @@ def evaluate(
     contact: Contact = None,
     layout: Layout = None,
     cameras: Annotated[str | None, typer.Option(help="Cameras the policy sees: head_camera, left_camera, right_camera.")] = None,
+    depth: Annotated[bool, typer.Option(help="Depth images of the cameras, too.")] = False,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="The clutter penalty counts for every distractor, as in the original.")] = False,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
@@ -73,6 +74,8 @@ def evaluate(
     seen = tuple(listed(cameras) or ())
     if unknown := [name for name in seen if name not in CAMERAS]:
         raise UsageError(f"--cameras {unknown[0]!r} is unknown: choose from {', '.join(CAMERAS)}")
+    if depth and not seen:
+        raise UsageError("--depth gives depth images of --cameras: name some")
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     recipe = recipe_of(
@@ -95,6 +98,7 @@ def evaluate(
         cameras=seen,
         split=instructions,
         compounding=compounding,
+        depth=depth,
         code=evaluation_version(),
         rules=recipe.ruling(),
     )
