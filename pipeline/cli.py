@@ -22,13 +22,14 @@ from pipeline.commands.catalogue import assets_app, check_object, check_task, em
 from pipeline.commands.evaluate import evaluate
 from pipeline.commands.export import ExportCommand, export
 from pipeline.commands.inspect import status, verify
+from pipeline.commands.ladder import ladder
 from pipeline.commands.render import render
 from pipeline.commands.serve_policy import serve_policy
 from pipeline.commands.show import show
 from pipeline.data.errors import DominoError
 
 VERBS = (
-    *(build, plan, status, show, verify, render, export, annotate, evaluate, serve_policy),
+    *(build, plan, status, show, verify, render, export, annotate, evaluate, ladder, serve_policy),
     *(tasks, embodiments, objects, check_task, check_object),
 )
 CLASSES: dict[Callable[..., None], type[TyperCommand]] = {export: ExportCommand}

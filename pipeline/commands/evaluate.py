@@ -45,12 +45,13 @@ def evaluate(
     seed: Annotated[int, typer.Option(min=0, help="Scenes are drawn from seed 100000 * (1 + SEED).")] = 0,
     clock: Annotated[
         str | None,
-        typer.Option(help="sim, step-locked, latency:MS and other forms (docs/evaluation.md); that of the rules by default."),
+        typer.Option(help="sim, step-locked, late:MS, latency:MS and others (docs/evaluation.md); that of the rules by default."),
     ] = None,
     rules: Rules = None,
     contact: Contact = None,
     layout: Layout = None,
     cameras: Annotated[str | None, typer.Option(help="Cameras the policy sees: head_camera, left_camera, right_camera.")] = None,
+    depth: Annotated[bool, typer.Option(help="Depth images of the cameras, too.")] = False,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="The clutter penalty counts for every distractor, as in the original.")] = False,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
@@ -68,12 +69,13 @@ def evaluate(
     from pipeline.evaluate.policies import policy_name
     from pipeline.evaluate.summary import table
     from pipeline.evaluate.views import CAMERAS
-    from pipeline.run.evaluation import runner
-    from pipeline.run.keys import code_version
+    from pipeline.run.evaluation import evaluation_version, runner
 
     seen = tuple(listed(cameras) or ())
     if unknown := [name for name in seen if name not in CAMERAS]:
         raise UsageError(f"--cameras {unknown[0]!r} is unknown: choose from {', '.join(CAMERAS)}")
+    if depth and not seen:
+        raise UsageError("--depth gives depth images of --cameras: name some")
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     recipe = recipe_of(
@@ -96,7 +98,8 @@ def evaluate(
         cameras=seen,
         split=instructions,
         compounding=compounding,
-        code=code_version(),
+        depth=depth,
+        code=evaluation_version(),
         rules=recipe.ruling(),
     )
     pool = pool_of(executor, workers, address)

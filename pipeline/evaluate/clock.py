@@ -5,6 +5,8 @@
   executed. A fixed time, a distribution, a trace, or the measured wall time of the policy.
 - `step-locked`: the original protocol, in which the target moves by a fixed time a policy step, 1.67 times what a step takes in
   the data (0.1 s a step of 0.06 s).
+- `late:MS`: as `sim`, but the target begins its motion MS milliseconds after the robot. With the policy `replay` it measures how
+  much timing a task asks for.
 
 All but `latency:measured` give the same numbers every time.
 """
@@ -22,7 +24,10 @@ from pipeline.world.simulation import Motion
 STEP_LOCKED_RATE = 0.1 / 0.06
 """Seconds of target motion a second of robot motion in the original's evaluation."""
 
-HELP = "sim, step-locked, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH, latency:trace:FILE or latency:measured"
+HELP = (
+    "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH, latency:trace:FILE or "
+    "latency:measured"
+)
 
 
 class ClockError(DominoError):
@@ -48,7 +53,7 @@ class Retimed:
 
 @dataclass(frozen=True)
 class Clock:
-    """`kind` is sim, step-locked, fixed, normal, uniform, trace or measured; `values` are its numbers, in milliseconds."""
+    """`kind` is sim, step-locked, late, fixed, normal, uniform, trace or measured; `values` are its numbers, in milliseconds."""
 
     name: str
     kind: str
@@ -61,7 +66,13 @@ class Clock:
 
     def motion(self, motion: Motion) -> Motion:
         """The target's motion on this clock."""
-        return Retimed(motion, STEP_LOCKED_RATE) if self.kind == "step-locked" else motion
+        match self.kind:
+            case "step-locked":
+                return Retimed(motion, STEP_LOCKED_RATE)
+            case "late":
+                return Retimed(motion, late=self.values[0] / 1000)
+            case _:
+                return motion
 
     def delay(self, asked: int, measured: float, rng: np.random.Generator) -> float:
         """Seconds for which the world goes on while the policy answers for the `asked`-th time (from 0).
@@ -95,6 +106,8 @@ def parse_clock(text: str) -> Clock:
         return Clock(text, "measured")
     if kind == "latency" and len(rest) == 2 and rest[0] == "trace":
         return Clock(text, "trace", _trace(Path(rest[1])))
+    if kind == "late" and len(numbers := _milliseconds(rest)) == 1:
+        return Clock(text, "late", numbers)
     counts = {"normal": 2, "uniform": 2}
     if kind == "latency" and rest:
         name = rest.pop(0) if rest[0] in counts else "fixed"

@@ -45,9 +45,10 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """One task x embodiment x level x alpha x domain.
 
     Observation: "agent_pos" (A,) measured joints, grippers 0-1; "instruction"; "pixels" with (H,W,3) uint8 by camera unless
-    `cameras` is empty. Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"` (16,) per side
-    a tool pose (x, y, z, qw, qx, qy, qz; world frame) and a gripper value. The reward is 0 until the episode ends and then its
-    manipulation score (0-100). `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
+    `cameras` is empty, and with `depth` "depth" with (H,W) uint16 in mm along the viewing axis by camera. Action:
+    `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"` (16,) per side a tool pose (x, y, z, qw,
+    qx, qy, qz; world frame) and a gripper value. The reward is 0 until the episode ends and then its manipulation score (0-100).
+    `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
     Raises ValueError for a camera, action type, level, alpha or domain that does not exist.
     """
 
@@ -63,6 +64,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         *,
         cameras: Sequence[str] = CAMERAS,
         camera_type: str = "D435",
+        depth: bool = False,
         actions: str = "joint",
         instructions: str = "unseen",
         rules: Rules = STRICT,
@@ -75,7 +77,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         robot = get_embodiment(embodiment)
         self._spec = EpisodeSpec(task, robot.name, level, alpha, domain, 0, 0)
         self._cameras, self._camera_type, self._actions, self._split = tuple(cameras), camera_type, actions, instructions
-        self.render_mode, self.task = render_mode, task
+        self.render_mode, self.task, self._depth = render_mode, task, depth
         self.fps, self._rules = DEFAULT_FPS, rules
         limits = joint_limits(robot)
         self.action_names = limits.names if actions == "joint" else pose_action_names()
@@ -98,6 +100,9 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 name: gymnasium.spaces.Box(0, 255, shape, np.uint8) for name, shape in shapes.items()
             }
             parts["pixels"] = gymnasium.spaces.Dict(images)
+            if depth:
+                far = {name: gymnasium.spaces.Box(0, 65535, shape[:2], np.uint16) for name, shape in shapes.items()}
+                parts["depth"] = gymnasium.spaces.Dict(dict[str, gymnasium.Space[Any]](far))
         self.observation_space = gymnasium.spaces.Dict(parts)
         self._trial: Trial | None = None
         self._eyes: Eyes | None = None
@@ -164,8 +169,10 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             "instruction": self.task_description,
         }
         if self._cameras and self._eyes is not None:
-            images = self._eyes.look(simulation)
+            images = self._eyes.look(simulation, depth=self._depth)
             out["pixels"] = {name: images[name] for name in self._cameras}
+            if self._depth:
+                out["depth"] = {name: self._eyes.depth[name] for name in self._cameras}
         return out
 
     def _case(self, seed: int) -> Case:

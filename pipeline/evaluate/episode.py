@@ -24,7 +24,8 @@ from pipeline.world.cameras import cameras_of
 
 @dataclass(frozen=True)
 class EpisodeJob:
-    """What one evaluated episode is made from. `cameras` are what the policy sees; `code` names the version of this program."""
+    """What one evaluated episode is made from. `cameras` are what the policy sees, with `depth` their depth images too; `code` is
+    the version of this program."""
 
     case: Case
     policy: PolicyName
@@ -35,11 +36,14 @@ class EpisodeJob:
     split: str = "unseen"
     compounding: bool = False
     fps: int = DEFAULT_FPS
+    depth: bool = False
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes this episode another one than the others in a file of results."""
         options = (self.cameras, self.camera_type, self.split, self.compounding, self.fps, self.case.rules.label)
+        if self.depth:
+            options = (*options, "depth")
         return (self.code, self.policy.label, self.clock.name, self.case.spec.to_json(), self.case.digest, options)
 
 
@@ -78,9 +82,11 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
         asked = 0
         while not trial.ending:
             with spent("render"):
-                images = eyes.look(trial.simulation) if eyes else {}
+                images = eyes.look(trial.simulation, depth=job.depth) if eyes else {}
             simulation = trial.simulation
-            observation = Observation(simulation.state_vector(simulation.qpos()[0]), words, trial.time, images)
+            observation = Observation(
+                simulation.state_vector(simulation.qpos()[0]), words, trial.time, images, eyes.depth if eyes else {}
+            )
             before = spent.seconds["policy"]
             with spent("policy"), _named(job.policy):
                 chunk = chunk_of(policy.act(observation), trial.length)

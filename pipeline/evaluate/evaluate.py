@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.recipe import Cell
 from pipeline.data.rules import STRICT, Rules
 from pipeline.evaluate.case import Case
@@ -29,6 +28,7 @@ class Evaluation:
     cameras: tuple[str, ...] = ()
     split: str = "unseen"
     compounding: bool = False
+    depth: bool = False
     code: str = ""
     rules: Rules = STRICT
 
@@ -69,7 +69,7 @@ def evaluate(
 
 
 def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
-    options = {"cameras": wanted.cameras, "split": wanted.split, "compounding": wanted.compounding, "fps": DEFAULT_FPS}
+    options = {"cameras": wanted.cameras, "split": wanted.split, "compounding": wanted.compounding, "depth": wanted.depth}
     return EpisodeJob(case, wanted.policy, wanted.clock, wanted.code, **options)
 
 

@@ -95,7 +95,7 @@ def score(trial: Trial, compounding: bool = False) -> Score:
     rc = route_completion(tools, log.pose(scene.task.target)[-1, :3], success)
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
     distractors = touched_distractors(log)
-    missing = () if success else failed(scene.conditions(log))
+    missing = () if success else failed(trial.conditions())
     return Score(
         success=success,
         route_completion=rc,

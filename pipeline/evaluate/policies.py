@@ -11,6 +11,7 @@ from pipeline.evaluate.adapters.files import digest_of, module_of
 from pipeline.evaluate.adapters.lerobot import LerobotForm
 from pipeline.evaluate.adapters.robotwin import RobotwinForm
 from pipeline.evaluate.adapters.xpolicylab import XPolicyLabForm
+from pipeline.evaluate.ladder.policy import LadderForm
 from pipeline.evaluate.policy import Policy, PolicyError, PolicyName
 from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static
 from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
@@ -55,6 +56,7 @@ for _name, _form in (
     ("robotwin", RobotwinForm()),
     ("xpolicylab", XPolicyLabForm()),
     ("lerobot", LerobotForm()),
+    ("ladder", LadderForm()),
 ):
     FORMS.add(_name, _form)
 

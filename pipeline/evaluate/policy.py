@@ -43,12 +43,14 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a policy sees: measured joints (A,), grippers 0-1; images (H,W,3) uint8 RGB by camera; seconds since the start."""
+    """What a policy sees: measured joints (A,), grippers 0-1; images (H,W,3) uint8 RGB by camera; seconds since the start; where
+    the evaluation gives depth, depth images (H,W) uint16 in mm by camera, 0 where nothing is."""
 
     joints: NDArray[np.float64]
     instruction: str
     time: float
     images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    depth: Mapping[str, NDArray[np.uint16]] = field(default_factory=dict)
 
 
 class Policy(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.evaluate.case import Case, expert_actions
-from pipeline.evaluate.policy import Observation, Start
+from pipeline.evaluate.policy import LONGEST_CHUNK, Observation, PolicyError, Start
 from pipeline.evaluate.scripted import Rehearsal, live, rehearse
 from pipeline.evaluate.trial import Trial
 from pipeline.planning.kinematics import ik_many
@@ -21,20 +21,38 @@ Floats = NDArray[np.float64]
 
 
 class _Stream:
-    """A policy that takes its actions from a generator and holds the last command when that ends."""
+    """A policy that takes motions, actions (N,A) planned together, from a generator, and holds the last command when that ends.
 
-    def __init__(self) -> None:
-        self._actions: Iterator[Floats] = iter(())
+    It answers with one action, or with a chunk of at most `chunk` actions that never spans two motions: what follows a motion is
+    planned from the state in which it ended.
+    """
+
+    def __init__(self, chunk: float = 1) -> None:
+        if chunk != int(chunk) or not 1 <= chunk <= LONGEST_CHUNK:
+            raise PolicyError(f"chunk={chunk:g}: give a whole number of actions, 1 to {LONGEST_CHUNK}")
+        self._chunk = int(chunk)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._motions: Iterator[Floats] = iter(())
+        self._ready = np.empty((0, 0))
         self._last: Floats | None = None
 
     def reset(self, start: Start) -> None:
         """Forget the last episode."""
-        self._actions, self._last, self._seed = iter(()), None, start.seed
+        self._forget()
+        self._seed = start.seed
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next action, or the last one again."""
-        self._last = next(self._actions, self._last)
-        return observation.joints if self._last is None else self._last
+        """The next actions, or the last one again."""
+        while not len(self._ready):
+            motion = next(self._motions, None)
+            if motion is None:
+                return observation.joints if self._last is None else self._last
+            self._ready = motion
+        answer, self._ready = self._ready[: self._chunk], self._ready[self._chunk :]
+        self._last = answer[-1]
+        return answer
 
 
 class Replay(_Stream):
@@ -42,7 +60,7 @@ class Replay(_Stream):
 
     def see(self, trial: Trial, case: Case) -> None:
         """Make the expert's episode again."""
-        self._actions = iter(expert_actions(case, trial.fps))
+        self._motions = iter([expert_actions(case, trial.fps)])
 
 
 class Static(_Stream):
@@ -51,18 +69,19 @@ class Static(_Stream):
     def see(self, trial: Trial, case: Case) -> None:
         """Plan for the target as it stands."""
         plan = rehearse(trial.scene, trial.simulation.pose(trial.scene.task.target), trial.fps)
-        self._actions = _open_loop(trial, plan)
+        self._motions = _open_loop(trial, plan)
 
 
 class Interceptor(_Stream):
     """The expert who takes the target to keep the velocity it has at the start, and goes where it will be at the meeting.
 
-    `noise` is the standard deviation (m, and a third of it in m/s) of what it is told of position and velocity; for the first
-    `delay` seconds it holds still, and then believes what it saw at the start to be the present.
+    It answers with at most `chunk` actions. `noise` is the standard deviation (m, and a third of it in m/s) of what it is told of
+    position and velocity; for the first `delay` seconds it holds still, and then believes what it saw at the start to be the
+    present.
     """
 
-    def __init__(self, noise: float = 0.0, delay: float = 0.0) -> None:
-        super().__init__()
+    def __init__(self, noise: float = 0.0, delay: float = 0.0, chunk: float = 1) -> None:
+        super().__init__(chunk)
         self._noise, self._delay = noise, delay
 
     def see(self, trial: Trial, case: Case) -> None:
@@ -82,7 +101,7 @@ class Interceptor(_Stream):
             if plan is None:
                 break
             meeting = plan.meeting
-        self._actions = _open_loop(trial, plan, self._delay)
+        self._motions = _open_loop(trial, plan, self._delay)
 
 
 class Chaser(_Stream):
@@ -91,14 +110,17 @@ class Chaser(_Stream):
     RAMP = 0.5
     """Seconds over which it turns from its plan to the moving target, from the beginning of the last skill before the meeting."""
 
+    def __init__(self) -> None:
+        super().__init__()  # every action needs the newest position: no chunks
+
     def see(self, trial: Trial, case: Case) -> None:
         """Plan for the target as it stands."""
         plan = rehearse(trial.scene, trial.simulation.pose(trial.scene.task.target), trial.fps)
-        self._actions = self._follow(trial, plan) if plan else iter(())
+        self._motions = self._follow(trial, plan) if plan else iter(())
 
     def _follow(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
         planner, target = trial.actor.planner, trial.scene.task.target
-        yield from plan.actions[: plan.last_skill]
+        yield plan.actions[: plan.last_skill]
         rows = plan.actions[plan.last_skill :]
         moving = [side for side in SIDES if np.ptp([planner.split(row)[side][0] for row in rows], axis=0).max() > 1e-3]
         offset = np.zeros(3)
@@ -106,7 +128,7 @@ class Chaser(_Stream):
             if not trial.simulation.released:
                 share = min(1.0, n / (self.RAMP * trial.fps))
                 offset = share * (trial.simulation.pose(target)[:3] - plan.aim[:3])
-            yield _shifted(planner, row, trial.simulation.command, moving, offset)
+            yield _shifted(planner, row, trial.simulation.command, moving, offset)[None]
         yield from _finish(trial, plan)
 
 
@@ -130,12 +152,11 @@ class Random:
 
 
 def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
-    """The rehearsed actions after `delay` s, then the rest of the script; nothing where there is no plan."""
+    """The rehearsed motion after `delay` s, then the rest of the script; nothing where there is no plan."""
     if plan is None:
         return
-    for _ in range(round(delay * trial.fps)):
-        yield trial.simulation.command
-    yield from plan.actions
+    yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)
+    yield plan.actions
     yield from _finish(trial, plan)
 
 

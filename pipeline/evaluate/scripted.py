@@ -1,12 +1,15 @@
 """The task's script as a source of actions at the control rate: rehearsed for a target somewhere, or planned live in a trial."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.rules import Rules
+from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.planning.failure import PlanFailure
@@ -33,8 +36,27 @@ class Rehearsal:
 
 
 def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
-    """Plan and run `meet` in a copy of the scene whose target stands at `aim` (7,); None where no plan is found."""
-    task = scene.task
+    """Plan and run `meet` in a copy of the scene whose target stands at `aim` (7,); None where no plan is found.
+
+    A pure function of its arguments; the latest results are remembered, since several policies rehearse the same.
+    """
+    return _rehearsed(_Wanted(scene.spec, scene.rules, tuple(map(float, aim)), fps, scene))
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A rehearsal. The spec and the rules decide the scene."""
+
+    spec: EpisodeSpec
+    rules: Rules
+    aim: tuple[float, ...]
+    fps: int
+    scene: Scene = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _rehearsed(wanted: _Wanted) -> Rehearsal | None:
+    scene, aim, fps, task = wanted.scene, np.array(wanted.aim), wanted.fps, wanted.scene.task
     actor_rng = "dry_run"  # the expert's own stream: with the target at the manipulation pose this is the expert's plan
     try:
         actor = with_target_at(scene, aim).start(TargetMotion.still(aim, 1.0), fps, actor_rng)
@@ -44,9 +66,10 @@ def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
             actor.perform(skill)
     except (Failure, PlanFailure):
         return None
-    commands, every = np.array(actor.stream.commands), PHYSICS_HZ // fps
+    actions = at_control_rate(np.array(actor.stream.commands), PHYSICS_HZ // fps)
+    actions.setflags(write=False)
     meeting = next((e.time for e in actor.simulation.events if e.name == "meeting"), actor.simulation.time)
-    return Rehearsal(aim, at_control_rate(commands, every), began // every, meeting, dict(actor.held))
+    return Rehearsal(aim, actions, began // (PHYSICS_HZ // fps), meeting, dict(actor.held))
 
 
 def with_target_at(scene: Scene, aim: Pose) -> Scene:
@@ -59,14 +82,15 @@ def with_target_at(scene: Scene, aim: Pose) -> Scene:
 
 
 def live(actor: Actor, skills: Iterator[Skill], fps: int) -> Iterator[Floats]:
-    """Actions (A,) of skills that are planned one after another from the state the simulation has then, until a plan fails.
+    """Motions, actions (N,A), of skills that are planned one after another from the state the simulation has then, until a plan
+    fails.
 
-    Ask for the next action only after the simulation has executed the last one.
+    Ask for the next motion only after the simulation has executed the last one.
     """
     try:
         for skill in skills:
             for step in skill(actor):
-                yield from at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
+                yield at_control_rate(actor.commands(step)[0], PHYSICS_HZ // fps)
     except PlanFailure:
         return
 

@@ -7,6 +7,7 @@ from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.state_log import StateLog
 from pipeline.evaluate.actions import checked, interpolated, joint_limits
+from pipeline.evaluate.watch import Watch
 from pipeline.stages.scene import Scene
 from pipeline.tasks import middle
 from pipeline.tasks.outcome import failed
@@ -16,23 +17,24 @@ from pipeline.world.simulation import Motion
 SUCCESS, OUT_OF_VIEW, TIME_LIMIT = "success", "out_of_view", "time_limit"
 
 HOLD_FRAMES = 3
-"""Control periods for which all success conditions must hold without a break."""
+"""Recorded frames in a row at which all success conditions must hold, and at every physics step between them."""
 
 
 class Trial:
     """A settled simulation under a policy. `ending` is "" while it runs, then SUCCESS, OUT_OF_VIEW or TIME_LIMIT.
 
     The target follows `motion` as in generation until something touches it. The trial ends as a success when all success
-    conditions of the task have held for HOLD_FRAMES control periods after the first touch (nothing succeeds by itself; for one
-    under domino rules), as a
-    failure when the middle of a target that moves by itself leaves the image of the head camera, and at the task's step limit,
-    counted in control periods of simulated time. Raises Failure("unstable") where the scene does not come to rest.
+    conditions of the task hold at HOLD_FRAMES recorded frames in a row after the first touch (nothing succeeds by itself; at one
+    under domino rules) and at every physics step between them. It ends as a failure when the middle of a target that moves by
+    itself leaves the image of the head camera, and at the task's step limit, counted in control periods of simulated time.
+    Raises Failure("unstable") where the scene does not come to rest.
     """
 
     def __init__(self, scene: Scene, motion: Motion, fps: int = DEFAULT_FPS) -> None:
         self.scene, self.motion, self.fps = scene, motion, fps
         self.actor = scene.start(motion, fps, "evaluate")
         self.simulation, self.recorder = self.actor.simulation, self.actor.recorder
+        self.watch = Watch(scene, self.simulation, self.recorder)
         self.limits = joint_limits(scene.embodiment)
         self.per_period = PHYSICS_HZ // fps
         self.max_steps = scene.task.step_limit * self.per_period
@@ -62,35 +64,34 @@ class Trial:
         wanted = self.limits.clipped(checked(action, self.length), before, seconds)
         rows, velocity = interpolated(before, wanted, self.per_period, seconds)
         for row in rows:
-            self._step(row, velocity)
             if self.ending:
                 return
-        self._judge()
+            self._step(row, velocity)
 
     def hold(self, steps: int) -> None:
         """The world goes on for `steps` physics steps while the robot keeps its last command."""
         still = np.zeros(self.length)
-        for n in range(steps):
-            self._step(self.simulation.command, still)
-            if not self.ending and (n + 1) % self.per_period == 0:
-                self._judge()
+        for _ in range(steps):
             if self.ending:
                 return
+            self._step(self.simulation.command, still)
 
     def log(self) -> StateLog:
         """The state log so far."""
         return self.recorder.log()
 
     def conditions(self) -> dict[str, bool]:
-        """The success conditions of the task now."""
-        return self.scene.conditions(self.log())
+        """The success conditions of the task now, between two frames too."""
+        return self.watch.conditions()
 
     def _step(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        if self.simulation.steps >= self.max_steps:
-            self.ending = TIME_LIMIT
-            return
         self.simulation.step(command, velocity)
         self.recorder.after_step()
+        self.watch.after_step()
+        if self.simulation.steps % self.per_period == 0:
+            self._judge()
+        elif self._held and failed(self.conditions()):
+            self._held = 0
 
     def _judge(self) -> None:
         simulation, task = self.simulation, self.scene.task

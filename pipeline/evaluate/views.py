@@ -19,6 +19,9 @@ CAMERAS = (HEAD, *(f"{side}_camera" for side in SIDES))
 class Eyes:
     """The cameras of a scene, drawing a running simulation. In the randomized domain they see surfaces that training never shows.
 
+    `depth` holds, where it is asked for, the depth images (H,W) uint16 in mm along the viewing axis (0: nothing there) by camera
+    of the last look.
+
     Raises NoRenderer where nothing can draw. Close it after.
     """
 
@@ -26,11 +29,14 @@ class Eyes:
         looks = draw_visuals(scene.spec.rng("visuals"), scene.spec.domain, "unseen")
         appearance = replace(appearance_of(scene, camera=camera_type, preset=preset), visuals=looks).seen_by(*cameras)
         self._renderer = renderer(appearance)
+        self.depth: dict[str, NDArray[np.uint16]] = {}
 
-    def look(self, simulation: Simulation) -> dict[str, NDArray[np.uint8]]:
+    def look(self, simulation: Simulation, *, depth: bool = False) -> dict[str, NDArray[np.uint8]]:
         """Images (H,W,3) uint8 RGB by camera, of the simulation as it is now."""
         poses = dict(zip(simulation.names, simulation.poses()[:, None], strict=True))
-        return {view.camera.name: view.rgb[0] for view in self._renderer.render(poses)}
+        views = self._renderer.render(poses, depth=depth)
+        self.depth = {view.camera.name: view.depth[0] for view in views if view.depth is not None}
+        return {view.camera.name: view.rgb[0] for view in views}
 
     def close(self) -> None:
         """Free the renderer."""

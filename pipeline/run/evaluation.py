@@ -5,12 +5,25 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from typing import Any
 
+from pipeline.data.keys import digest
+from pipeline.run import sources
 from pipeline.run.engine import run
+from pipeline.run.keys import code_version
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.strikes import Strikes
 
 EPISODE_SECONDS = 1800.0
 """What one episode, or one seed of the expert, may take before its worker counts as hung."""
+
+EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.protocol")
+"""The modules that, with what they import, decide the numbers of an episode."""
+
+
+def evaluation_version() -> str:
+    """A hash of the code that makes scenes and of the code that evaluates: results of another one are not mixed with these."""
+    root = sources.package_root()
+    return digest([code_version(), sources.sources_hash(root, sources.closure(root, EPISODE))])
+
 
 Runner = Callable[[Callable[[], Callable[[Any], Any]], Sequence[Any]], Iterator[tuple[Any, Any]]]
 

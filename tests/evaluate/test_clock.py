@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.evaluate.clock import STEP_LOCKED_RATE, ClockError, Retimed, parse_clock
+from pipeline.evaluate.clock import STEP_LOCKED_RATE, ClockError, parse_clock
 from pipeline.motion.target_motion import Segment, TargetMotion
 
 MOTION = TargetMotion(1, 0.1, 2.0, 0.0, 0.74, np.array([1.0, 0, 0, 0]), (Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.1, 0.0]])),))
@@ -46,10 +46,22 @@ def test_a_trace_repeats(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "sim:3", "latency", "latency:x", "latency:-1", "latency:uniform:9:3", "latency:normal:1", "latency:nan"]
+    "text",
+    [
+        "",
+        "sim:3",
+        "latency",
+        "latency:x",
+        "latency:-1",
+        "latency:uniform:9:3",
+        "latency:normal:1",
+        "latency:nan",
+        "late",
+        "late:1:2",
+    ],
 )
 def test_a_clock_that_is_none_is_refused_with_the_names_there_are(text):
-    with pytest.raises(ClockError, match="step-locked, latency:MS"):
+    with pytest.raises(ClockError, match="step-locked, late:MS, latency:MS"):
         parse_clock(text)
 
 
@@ -68,7 +80,8 @@ def test_step_locked_targets_are_faster_by_the_documented_rate():
 
 
 def test_a_late_target_stands_first_and_then_does_the_same():
-    late = Retimed(MOTION, late=0.4)
+    late = parse_clock("late:400").motion(MOTION)
     np.testing.assert_allclose(late.pose(0.3), MOTION.pose(0.0))
     np.testing.assert_allclose(late.velocity(0.3), np.zeros(3))
     np.testing.assert_allclose(late.pose(1.4), MOTION.pose(1.0))
+    assert parse_clock("late:400").delay(3, 9.0, rng()) == 0

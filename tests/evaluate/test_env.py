@@ -13,8 +13,10 @@ from pipeline.evaluate.actions import ActionError, ToolPoses, interpolated, join
 from pipeline.evaluate.case import admit, expert, expert_actions, log_hash, start_hash
 from pipeline.evaluate.trial import Trial
 from pipeline.planning.planner import planner_for
+from pipeline.poses import quat_rotate
 from pipeline.stages.failure import Failure
 from pipeline.tasks import TASKS
+from pipeline.world.cameras import cameras_of
 from pipeline.world.robots import get_embodiment
 
 
@@ -64,6 +66,22 @@ def test_gymnasiums_checker_passes_with_images_and_rendering():
     assert set(observation["pixels"]) == {"head_camera", "left_camera"}
     assert np.array_equal(env.render(), observation["pixels"]["head_camera"])
     assert observation["instruction"] == info["task_description"] != ""
+    env.close()
+
+
+def test_depth_is_the_distance_along_the_viewing_axis():
+    env = make("click_bell", cameras=("head_camera",), depth=True)
+    observation, _ = env.reset(options={"case": case_of("click_bell")})
+    depth = observation["depth"]["head_camera"]
+    assert (depth.dtype, depth.shape) == (np.uint16, (240, 320))
+    assert env.observation_space.contains(observation)
+    scene = env.unwrapped.trial.scene
+    camera = cameras_of(scene.embodiment)[0]
+    # the ray of a pixel that shows the bare table (x forward, y left, z up in the camera) meets its plane there
+    focal = 120 / np.tan(np.radians(37.0) / 2)
+    for u, v in ((20, 40), (80, 130), (260, 220)):
+        ray = quat_rotate(camera.pose[3:], [1.0, (160 - u - 0.5) / focal, (120 - v - 0.5) / focal])
+        assert depth[v, u] / 1000 == pytest.approx((0.74 - camera.pose[2]) / ray[2], abs=0.002)
     env.close()
 
 

@@ -14,7 +14,8 @@ import pytest
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import policy_name
+from pipeline.evaluate.policies import make_policy, policy_name
+from pipeline.evaluate.policy import PolicyError
 from tests.evaluate.test_env import case_of
 
 ROOT = Path(__file__).parents[2]
@@ -64,6 +65,17 @@ def test_a_late_robot_misses_a_moving_bell():
     assert not row["success"]
     # 16 + 9.6 physics steps an action
     assert row["seconds"] == pytest.approx(row["asked"] * 26 / 240, abs=0.11)
+
+
+def test_a_reference_policy_that_answers_in_chunks_waits_once_a_chunk():
+    single, chunks = (episode(policy, 1) for policy in ("interceptor", "interceptor:chunk=15"))
+    assert chunks["asked"] < single["asked"] / 5
+    assert {**without_times(single), "policy": "", "asked": 0} == {**without_times(chunks), "policy": "", "asked": 0}
+    whole = episode("replay:chunk=1000", 1, "latency:40")
+    assert whole["asked"] == 1
+    assert whole["seconds"] == pytest.approx(episode("replay", 1)["seconds"] + 0.04, abs=0.21)
+    with pytest.raises(PolicyError, match="whole number"):
+        make_policy(policy_name("replay:chunk=0.5"))
 
 
 CHUNKS = """

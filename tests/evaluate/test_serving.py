@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,22 @@ def test_a_remote_policy_answers_as_the_local_one():
         policy.close()
         assert works(port)
     assert local.starts[0] == START and len(local.starts) == 3
+
+
+def test_depth_goes_over_the_wire_where_there_is_some():
+    class Deep(Echo):
+        def act(self, observation):
+            return observation.joints + (observation.depth["head_camera"].max() if observation.depth else 0)
+
+    with serving(Deep) as port:
+        policy = remote(port)
+        policy.reset(START)
+        flat = look(0)
+        far = replace(flat, depth={"head_camera": np.full((6, 8), 1234, np.uint16)})
+        np.testing.assert_array_equal(policy.act(flat)[0], flat.joints)
+        np.testing.assert_array_equal(policy.act(far)[0], flat.joints + 1234)
+        with pytest.raises(PolicyError, match="depth head_camera is float64"):
+            policy.act(replace(flat, depth={"head_camera": np.zeros((6, 8))}))
 
 
 def test_a_connection_that_idled_too_long_is_opened_again_at_the_next_episode():

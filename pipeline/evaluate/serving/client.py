@@ -58,6 +58,8 @@ class Remote:
             "joints": np.asarray(observation.joints, np.float64),
             "images": dict(observation.images),
         }
+        if observation.depth:
+            message["depth"] = dict(observation.depth)
         try:
             answer = self._told(self._socket.ask(message), "actions").get("actions")
         except PolicyError:

@@ -136,8 +136,15 @@ class DominoSession:
         if not isinstance(found, dict) or found.keys() != start.image_sizes.keys():
             raise WireError(f"images are not those of hello: {', '.join(start.image_sizes) or 'none'}")
         images = {name: array(found[name], f"image {name}", (*size, 3), "u") for name, size in start.image_sizes.items()}
-        observation = Observation(joints.astype(np.float64), start.instruction, float(time), images)
+        depth = self._depth(message.get("depth", {}))
+        observation = Observation(joints.astype(np.float64), start.instruction, float(time), images, depth)
         return chunk_of(self._policy.act(observation), len(start.action_names))
+
+    def _depth(self, found: object) -> dict[str, NDArray[np.uint16]]:
+        sizes = self._start.image_sizes if self._start else {}
+        if not isinstance(found, dict) or (found and found.keys() != sizes.keys()):
+            raise WireError(f"depth is not that of the cameras of hello: {', '.join(sizes) or 'none'}")
+        return {name: array(found[name], f"depth {name}", tuple(size), "d") for name, size in sizes.items() if found}
 
 
 def text(message: Mapping[Any, Any], key: str) -> str:
@@ -181,16 +188,22 @@ def sizes(value: object) -> dict[str, tuple[int, int]]:
     return out
 
 
+KINDS = {"f": ("f", 8, "floats"), "u": ("u", 1, "uint8"), "d": ("u", 2, "uint16")}
+"""Kinds of arrays in messages: NumPy's kind, most bytes of an item, and what it is called."""
+
+
 def array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """An array of this shape, of finite floats (kind f) or of bytes (kind u). Raises WireError for anything else."""
+    """An array of this shape, of a kind of KINDS, finite. Raises WireError for anything else."""
+    wanted, most, called = KINDS[kind]
     if (
         not isinstance(value, np.ndarray)
         or value.shape != shape
-        or value.dtype.kind != kind
-        or (kind == "u" and value.itemsize > 1)
+        or value.dtype.kind != wanted
+        or value.itemsize > most
+        or (kind == "d" and value.itemsize != most)
     ):
         found = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
-        raise WireError(f"{what} is {found}, not an array of {'uint8' if kind == 'u' else 'floats'} {shape}")
+        raise WireError(f"{what} is {found}, not an array of {called} {shape}")
     if kind == "f" and not np.isfinite(value).all():
         raise WireError(f"{what} is not finite")
     return value

@@ -1,0 +1,118 @@
+"""Closed-loop evaluation, measured: `python -m benchmarks.evaluation` prints control steps a second against the floor of bare
+physics and rendering.
+
+`run --rows DIR` runs the study of the reference policies (benchmarks/study) into DIR and goes on where it was stopped; `page --rows
+DIR` writes its tables and plots into docs/evaluation.md.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.hardware import hardware
+from benchmarks.study import page
+from benchmarks.study.plan import TEN
+from benchmarks.study.rows import Rows, markdown
+from benchmarks.study.run import run
+from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
+from pipeline.data.recipe import Cell
+from pipeline.evaluate.actions import interpolated
+from pipeline.evaluate.case import Case, expert_actions
+from pipeline.evaluate.clock import parse_clock
+from pipeline.evaluate.episode import EpisodeJob, run_episode
+from pipeline.evaluate.policies import policy_name
+from pipeline.evaluate.protocol import SeedJob, try_seed
+from pipeline.evaluate.views import CAMERAS, Eyes
+from pipeline.stages.scene import build_scene
+from pipeline.world.vulkan import ensure_renderer
+
+PARTS = ("scene", "policy", "render", "physics", "score")
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Wall seconds of an episode by what they were spent on, its control periods, and the floor: bare physics, bare rendering."""
+
+    periods: int
+    seconds: dict[str, float]
+    bare_physics: float
+    bare_render: float
+
+    @property
+    def floor(self) -> float:
+        """Seconds that nothing can save."""
+        return self.bare_physics + self.bare_render
+
+
+def measure(case: Case, cameras: tuple[str, ...]) -> Speed:
+    """A replayed episode that sees `cameras`, and its floor: the same drive targets in a bare simulation, as many images drawn."""
+    expert_actions(case, DEFAULT_FPS)  # remembered: the expert is not what is measured
+    row = run_episode(EpisodeJob(case, policy_name("replay"), parse_clock("sim"), cameras=cameras))
+    actions = expert_actions(case, DEFAULT_FPS)[: row["periods"]]
+    scene = build_scene(case.spec)
+    simulation = scene.start(case.target_motion, DEFAULT_FPS, "evaluate").simulation
+    eyes = Eyes(scene, cameras) if cameras else None
+    physics, render, every = 0.0, 0.0, PHYSICS_HZ // DEFAULT_FPS
+    for action in actions:
+        rows, velocity = interpolated(simulation.command, np.asarray(action), every, every / PHYSICS_HZ)
+        began = time.perf_counter()
+        if eyes:
+            eyes.look(simulation)
+        drawn = time.perf_counter()
+        for command in rows:
+            simulation.step(command, velocity)
+        physics, render = physics + time.perf_counter() - drawn, render + drawn - began
+    if eyes:
+        eyes.close()
+    return Speed(row["periods"], row["seconds_spent"], physics, render)
+
+
+def speed(tasks: Sequence[str]) -> str:
+    """Markdown: a row a task and number of cameras."""
+    head = ("task", "cameras", "steps/s", "of floor", *(f"{p} %" for p in PARTS), "floor, steps/s", "floor: physics %")
+    body = []
+    for task in tasks:
+        case = first_case(task)
+        for cameras in ((), CAMERAS[:1], CAMERAS):
+            s = measure(case, cameras)
+            total = sum(s.seconds.values())
+            shares = (f"{100 * s.seconds.get(part, 0.0) / total:.0f}" for part in PARTS)
+            ratio = (f"{s.periods / total:.0f}", f"{s.floor / total:.0%}")
+            body.append(
+                (task, len(cameras), *ratio, *shares, f"{s.periods / s.floor:.0f}", f"{100 * s.bare_physics / s.floor:.0f}")
+            )
+    return markdown(head, body)
+
+
+def first_case(task: str) -> Case:
+    """The first scene of a task at level 1, alpha 0.1, that the expert solves."""
+    cell, seed = Cell(task, "aloha-agilex", 1, 0.1, "clean"), 100_000
+    while not isinstance(case := try_seed(SeedJob(cell, seed, DEFAULT_FPS)), Case):
+        seed += 1
+    return case
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="?", choices=("speed", "run", "page"), default="speed")
+    parser.add_argument("--rows", type=Path, default=Path("out/study"), help="where the rows of the study are")
+    parser.add_argument("--tasks", default="", help="names; three for speed, ten for the study by default")
+    parser.add_argument("--seeds", type=int, default=20, help="admitted scenes of every task and cell")
+    args = parser.parse_args()
+    tasks = args.tasks.split(",") if args.tasks else ()
+    match args.what:
+        case "run":
+            run(args.rows, tasks or TEN, args.seeds)
+        case "page":
+            page.write(Rows.read(args.rows))
+        case _:
+            device = ensure_renderer()
+            print(f"{hardware(device)}\n\n{speed(tasks or ('click_bell', 'shake_bottle', 'place_container_plate'))}")
+
+
+if __name__ == "__main__":
+    main()

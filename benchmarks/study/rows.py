@@ -1,0 +1,79 @@
+"""The rows of the study, and the rates that its tables and plots show."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.evaluate.intervals import wilson
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Successes of a number of episodes."""
+
+    solved: int
+    episodes: int
+
+    @property
+    def percent(self) -> float:
+        """Success rate; NaN without episodes."""
+        return 100 * self.solved / self.episodes if self.episodes else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval, per cent."""
+        low, high = wilson(self.solved, self.episodes)
+        return 100 * low, 100 * high
+
+    def __str__(self) -> str:
+        if not self.episodes:
+            return "-"
+        low, high = self.interval
+        return f"{self.percent:.0f} ({low:.0f}-{high:.0f})"
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of one version of the code."""
+
+    rows: tuple[Row, ...]
+
+    @classmethod
+    def read(cls, where: Path) -> "Rows":
+        """Those of the version that wrote last. Raises ValueError for a file without rows."""
+        rows = [json.loads(line) for line in (where / "rows.jsonl").read_text().splitlines()]
+        if not rows:
+            raise ValueError(f"{where / 'rows.jsonl'} has no rows: run the study first")
+        return cls(tuple(row for row in rows if row["version"] == rows[-1]["version"]))
+
+    def of(self, **wanted: Any) -> "Rows":
+        """Rows whose columns have these values."""
+        return Rows(tuple(row for row in self.rows if all(row[key] == value for key, value in wanted.items())))
+
+    def where(self, holds: Callable[[Row], bool]) -> "Rows":
+        """Rows for which something holds."""
+        return Rows(tuple(row for row in self.rows if holds(row)))
+
+    def values(self, column: str) -> list[Any]:
+        """The different values of a column, in order."""
+        return sorted({row[column] for row in self.rows})
+
+    @property
+    def rate(self) -> Rate:
+        """The success rate of all of them."""
+        return Rate(sum(row["success"] for row in self.rows), len(self.rows))
+
+
+def at(rows: Rows, level: int, alpha: float) -> Rows:
+    """A level and an alpha; alpha 0 is level 0, at which no target moves."""
+    return rows.of(level=0) if level == 0 or alpha == 0 else rows.of(level=level, alpha=alpha)
+
+
+def markdown(head: Sequence[str], body: Sequence[Sequence[object]]) -> str:
+    """A table whose first column is text and whose others are aligned right."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in (head, *body)]
+    return "\n".join([lines[0], "|---|" + "---:|" * (len(head) - 1), *lines[1:]])

@@ -1,0 +1,89 @@
+"""ladder: train small networks on states and try them in closed loop."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from tqdm import tqdm
+
+from pipeline.commands.common import (
+    Address,
+    Alpha,
+    AsJson,
+    Embodiment,
+    Executor,
+    LevelList,
+    Tasks,
+    UsageError,
+    Workers,
+    listed,
+    pool_of,
+    recipe_of,
+    say,
+)
+from pipeline.run.signals import Stopped, stop_on_signal
+
+
+def ladder(
+    tasks: Tasks = "adjust_bottle,move_can_pot,grab_roller,shake_bottle",
+    embodiment: Embodiment = None,
+    levels: LevelList = "0,1,2,3",
+    alpha: Alpha = None,
+    demonstrations: Annotated[int, typer.Option(min=1, help="Demonstrations of every task and level; made without images.")] = 50,
+    data: Annotated[Path | None, typer.Option(help="Learn from the episodes of this dataset instead.")] = None,
+    inputs: Annotated[
+        str, typer.Option(help="What networks see: position, velocity, two_frames.")
+    ] = "position,velocity,two_frames",
+    chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk and how many are executed.")] = "8:4,40:20",
+    seeds: Annotated[int, typer.Option(min=1, help="Networks of each kind.")] = 3,
+    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 100,
+    back: Annotated[int, typer.Option(min=1, help="How many frames back two_frames looks.")] = 1,
+    episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per task and level.")] = 20,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    address: Address = None,
+    out: Annotated[Path, typer.Option(help="Where everything goes; the same command again goes on where it stopped.")] = Path(
+        "OUT"
+    ),
+    quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show what memory buys on moving targets: state networks with and without velocity, trained in minutes, levels 0-3."""
+    from pipeline.evaluate.ladder.features import INPUTS
+    from pipeline.evaluate.ladder.network import Settings
+    from pipeline.run.evaluation import evaluation_version, runner
+    from pipeline.run.keys import code_version
+    from pipeline.run.ladder import Ladder, climb, table
+
+    kinds = tuple(listed(inputs) or INPUTS)
+    if unknown := [name for name in kinds if name not in INPUTS]:
+        raise UsageError(f"--inputs {unknown[0]!r} is unknown: choose from {', '.join(INPUTS)}")
+    recipe = recipe_of(None, tasks=tasks, embodiments=embodiment, levels=levels, alpha=alpha, episodes=demonstrations)
+    settings = Settings(epochs=epochs, back=back)
+    wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version(), code_version())
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise UsageError("the ladder trains with torch: install the extra train (uv pip install 'domino-data[train]')") from error
+    bar = tqdm(disable=quiet, bar_format="{desc} [{elapsed}]")
+    try:
+        with stop_on_signal():
+            rows = climb(wanted, out, runner(pool_of(executor, workers, address)), bar.set_description_str)
+    except Stopped:
+        print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
+        raise typer.Exit(130) from None
+    finally:
+        bar.close()
+    say({"results": rows}, as_json, table(rows))
+
+
+def _pairs(text: str) -> tuple[tuple[int, int], ...]:
+    """ "8:4,40:20" as pairs of numbers."""
+    try:
+        pairs = tuple((int(a), int(b)) for a, b in (pair.split(":") for pair in text.split(",")))
+    except ValueError:
+        pairs = ()
+    if not pairs or not all(1 <= execute <= length <= 1000 for length, execute in pairs):
+        raise UsageError(f"--chunks {text!r}: write LENGTH:EXECUTED,LENGTH:EXECUTED with 1 <= EXECUTED <= LENGTH <= 1000")
+    return pairs

@@ -1,0 +1,1 @@
+"""The sanity ladder: small networks on states, trained in minutes, that show what memory buys on moving targets."""

@@ -1,0 +1,113 @@
+"""What the networks learn from: state logs of accepted episodes, of a dataset or made for this without images."""
+
+import io
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode import open_episode
+from pipeline.data.recipe import Cell, Recipe, Slot
+from pipeline.data.state_log import StateLog
+from pipeline.evaluate.protocol import Runner
+from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.failure import Failure
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """T frames of an accepted episode at the control rate: joints and actions (T,A), tool positions (T,2,3), poses (T,B,7) of the
+    named bodies, and the target's velocity (T,3)."""
+
+    cell: Cell
+    bodies: tuple[str, ...]
+    target: str
+    joints: Floats
+    actions: Floats
+    tools: Floats
+    poses: Floats
+    velocity: Floats
+
+    @classmethod
+    def of(cls, cell: Cell, log: StateLog, bodies: Sequence[str], target: str) -> "Demonstration":
+        """What a state log holds of it."""
+        poses = np.stack([log.pose(name) for name in bodies], 1)
+        return cls(cell, tuple(bodies), target, log.state, log.action, log.tcp[:, :, :3], poses, log.target_velocity)
+
+    def to_bytes(self) -> bytes:
+        """A NumPy archive without pickles."""
+        out = io.BytesIO()
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        head = json.dumps({"cell": asdict(self.cell), "bodies": self.bodies, "target": self.target})
+        np.savez_compressed(out, head=np.array(head), **arrays)
+        return out.getvalue()
+
+    @classmethod
+    def read(cls, path: Path) -> "Demonstration":
+        """Inverse of `to_bytes`."""
+        with np.load(path, allow_pickle=False) as file:
+            head = json.loads(str(file["head"]))
+            return cls(Cell(**head["cell"]), tuple(head["bodies"]), head["target"], *(file[name] for name in ARRAYS))
+
+
+ARRAYS = ("joints", "actions", "tools", "poses", "velocity")
+
+
+@dataclass(frozen=True)
+class SlotJob:
+    """A slot of a recipe to be filled without images."""
+
+    recipe: Recipe
+    slot: Slot
+
+
+def filling() -> Callable[[SlotJob], Demonstration | None]:
+    """`fill`, as workers are given it."""
+    return fill
+
+
+def fill(job: SlotJob) -> Demonstration | None:
+    """The episode that a build of this recipe accepts for the slot, without images; None where it gives the slot up."""
+    for number in range(job.recipe.attempts):
+        try:
+            rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, Phases())
+        except Failure:
+            continue
+        scene = rollout.scene
+        bodies = [name for name in scene.bodies if name not in scene.clutter]
+        return Demonstration.of(job.slot.cell, rollout.replay.log, bodies, scene.task.target)
+    return None
+
+
+def made(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
+    """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
+    slots = list(recipe.physical_slots())
+    missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
+    for job, found in run(filling, missing) if missing else ():
+        write_atomic(_path(where, job.slot), b"" if found is None else found.to_bytes())
+    for slot in slots:
+        if _path(where, slot).stat().st_size:
+            yield Demonstration.read(_path(where, slot))
+
+
+def stored(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstration]:
+    """Demonstrations of a dataset's episodes of these cells, in the order of its slots. Raises DatasetError, EpisodeError."""
+    dataset = Dataset(root)
+    for path in dataset.accepted(dataset.recipe()):
+        with open_episode(path) as file:
+            spec, meta = file.spec, file.meta
+            cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+            if cell in cells:
+                bodies = [name for name in meta.objects if name not in meta.clutter]
+                yield Demonstration.of(cell, file.read().log, bodies, meta.target)
+
+
+def _path(where: Path, slot: Slot) -> Path:
+    return where / f"{slot.path}.npz"

@@ -1,0 +1,65 @@
+"""A network of the ladder as a policy: --policy ladder:FILE.npz?execute=N"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.evaluate.adapters.files import digest_of
+from pipeline.evaluate.adapters.settings import parse_settings
+from pipeline.evaluate.case import Case
+from pipeline.evaluate.ladder.features import State, features, reference, target_first
+from pipeline.evaluate.ladder.network import Network
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start
+from pipeline.evaluate.trial import Trial
+
+Floats = NDArray[np.float64]
+
+
+class StatePolicy:
+    """Sees the poses of all bodies besides its joints, and answers with the first `execute` actions of every chunk."""
+
+    def __init__(self, network: Network, execute: int) -> None:
+        self._network, self._execute = network, execute
+
+    def reset(self, start: Start) -> None:
+        """Forget the last episode."""
+        self._grippers = [i for i, name in enumerate(start.action_names) if name.endswith("gripper")]
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """The trial whose bodies it sees."""
+        names = [name for name in trial.scene.bodies if name not in trial.scene.clutter]
+        self._trial, self._bodies = trial, [names[i] for i in target_first(names, trial.scene.task.target)]
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The next actions (execute,A)."""
+        log, back = self._trial.log(), self._network.settings.back
+        last = slice(max(0, len(log) - 1 - back), None)
+        poses = np.stack([log.pose(name)[last] for name in self._bodies], 1)
+        state = State(log.state[last], log.tcp[last, :, :3], poses, log.target_velocity[last])
+        x = features(state, self._network.settings.inputs, back)[-1:]
+        return self._network(x)[0, : self._execute] + reference(state.joints[-1:], self._grippers)
+
+
+class LadderForm:
+    """The name of a network file; `execute` is how many actions of a chunk are executed, by default half of them."""
+
+    def name(self, text: str) -> PolicyName:
+        """Raises PolicyError for a file that cannot be read or an option that does not exist."""
+        given = parse_settings(text)
+        options = given.take("execute")
+        path = Path(given.path)
+        label = f"ladder:{path.stem}@{digest_of([path])}{given.text}"
+        return PolicyName(f"{given.kind}:{path.resolve()}" + (f"?execute={options['execute']}" if options else ""), label)
+
+    def make(self, text: str) -> Policy:
+        """Raises PolicyError for a file that is no network, and for more actions than its chunk has."""
+        given = parse_settings(text)
+        try:
+            network = Network.read(Path(given.path))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise PolicyError(f"--policy {text}: is no network of the ladder ({error})") from error
+        execute = given.take("execute").get("execute", max(1, network.settings.chunk // 2))
+        if not isinstance(execute, int) or not 1 <= execute <= network.settings.chunk:
+            raise PolicyError(f"--policy {text}: execute is a whole number from 1 to {network.settings.chunk}")
+        return StatePolicy(network, execute)

@@ -1,0 +1,79 @@
+"""The benchmark for vla-eval, driven as its runner does: by a stand-in of the StepBenchmark that it publishes (0.8.0)."""
+
+import importlib
+import sys
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from pipeline.evaluate.case import expert_actions
+from pipeline.evaluate.protocol import Manifests
+from tests.evaluate.test_env import case_of
+
+
+@dataclass
+class StepResult:
+    obs: object
+    reward: float
+    done: bool
+    info: dict
+
+
+class StepBenchmark:
+    def __init__(self):
+        self._last_result = StepResult(None, 0.0, False, {})
+
+
+@dataclass(frozen=True)
+class DimSpec:
+    name: str
+    dims: int
+    format: str
+    description: str = ""
+
+
+@pytest.fixture
+def benchmark(monkeypatch):
+    """The class, with vla-eval's modules replaced by what it uses of them."""
+    modules = {name: ModuleType(name) for name in ("vla_eval", "vla_eval.benchmarks", "vla_eval.benchmarks.base", "vla_eval.specs")}
+    vars(modules["vla_eval.benchmarks.base"]).update(StepBenchmark=StepBenchmark, StepResult=StepResult)
+    specs = {"IMAGE_RGB": DimSpec("image", 0, "rgb"), "LANGUAGE": DimSpec("language", 0, "language"), "DimSpec": DimSpec}
+    vars(modules["vla_eval.specs"]).update(specs)
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    name = "pipeline.evaluate.adapters.vla_eval"
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    yield importlib.import_module(name).DominoBenchmark
+    sys.modules.pop(name, None)
+
+
+def test_recorded_actions_succeed_there_too(benchmark, tmp_path, monkeypatch):
+    case = case_of("click_bell")
+    monkeypatch.setattr(Manifests, "admitted", lambda self, cells, episodes, run: {cell: [case] * episodes for cell in cells})
+    b = benchmark(["click_bell"], episodes=2, cameras=(), manifests=str(tmp_path))
+    tasks = b.get_tasks()
+    assert [(t["name"], t["episode_idx"], t["seed"]) for t in tasks] == [("click_bell", i, case.spec.seed) for i in (0, 1)]
+    b._last_result = StepResult(b.reset(tasks[1]), 0.0, False, {})
+    assert (b.get_hold_action(None)["actions"] == b._last_result.obs["agent_pos"]).all()
+    actions, steps = expert_actions(case, 15), 0
+    while not b._last_result.done:
+        assert steps < b.get_metadata()["max_steps"]
+        b._last_result = b.step({"actions": actions[min(steps, len(actions) - 1)][None]})
+        steps += 1
+    seen = b.make_obs(b._last_result.obs, tasks[1])
+    assert set(seen) == {"images", "task_description", "state"}
+    assert seen["state"].shape == (14,)
+    assert seen["task_description"]
+    assert b.get_step_result(b._last_result) == {"success": True, "route_completion": 100.0, "manipulation_score": 100.0}
+    assert set(b.get_metric_keys()) == set(b.get_step_result(b._last_result))
+    assert b.get_action_spec()["joints"].dims == 14
+    hold = {"actions": np.zeros(14)}
+    assert b.get_hold_action(hold) is hold
+    b.cleanup()
+
+
+def test_a_task_that_does_not_exist_is_named(benchmark):
+    with pytest.raises(KeyError, match="juggle"):
+        benchmark(["juggle"])
