@@ -54,6 +54,7 @@ def evaluate(
     depth: Annotated[bool, typer.Option(help="Depth images of the cameras, too.")] = False,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="The clutter penalty counts for every distractor, as in the original.")] = False,
+    films: Annotated[int, typer.Option(min=0, help="Film the first episodes of every cell: OUT/films, OUT/index.html.")] = 0,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -101,6 +102,7 @@ def evaluate(
         depth=depth,
         code=evaluation_version(),
         rules=recipe.ruling(),
+        films=films,
     )
     pool = pool_of(executor, workers, address)
     bar = tqdm(disable=quiet, bar_format="{desc} [{elapsed}]")

@@ -61,7 +61,13 @@ def _start(job: EpisodeJob, trial: Trial, words: str) -> Start:
 
 
 def run_episode(job: EpisodeJob) -> dict[str, Any]:
-    """The row of one episode, JSON values only. `seconds` are wall times and differ between runs, the rest does not.
+    """The row of one episode; see `play`."""
+    return play(job)[1]
+
+
+def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
+    """The trial of one episode as it ended, and its row, JSON values only. `seconds_spent` are wall times and differ between runs,
+    the rest does not.
 
     Raises PolicyError where the policy fails, ActionError for an answer that is no action, Failure where the scene does not rest.
     """
@@ -114,7 +120,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
     }
     row |= result | {"penalties": list(result["penalties"]), "failed": list(result["failed"])}
     row |= {"periods": round(trial.time * job.fps), "asked": asked, "same_start": same, "sees_truth": isinstance(policy, SeesTruth)}
-    return row | {"seconds_spent": dict(spent.seconds)}
+    return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 
 class _Spent:

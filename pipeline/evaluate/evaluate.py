@@ -1,15 +1,19 @@
-"""An evaluation, whole: admit seeds, run the episodes that are missing, summarise."""
+"""An evaluation, whole: admit seeds, run the episodes that are missing, film some, summarise, write the page."""
 
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.atomic import write_atomic
 from pipeline.data.recipe import Cell
 from pipeline.data.rules import STRICT, Rules
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
+from pipeline.evaluate.film import FilmJob, film_id, filming, jpeg, read_strip, sheet
+from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policy import PolicyName
 from pipeline.evaluate.protocol import Manifests, Runner
 from pipeline.evaluate.results import Results, text_key
@@ -18,7 +22,8 @@ from pipeline.evaluate.summary import Row, over_tasks, summarise
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is to be evaluated. `code` names the version of this program: results of another version do not count."""
+    """What is to be evaluated. `code` names the version of this program: results of another version do not count. The first `films`
+    episodes of every cell are filmed."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -31,26 +36,29 @@ class Evaluation:
     depth: bool = False
     code: str = ""
     rules: Rules = STRICT
+    films: int = 0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an evaluation found: a row of results for every cell, means over tasks, episodes run by this call, file of all rows."""
+    """What an evaluation found: a row of results for every cell, means over tasks, episodes run by this call, file of all rows, and
+    the page of all rows of this version of the program."""
 
     cells: list[Row]
     means: list[Row]
     run: int
     path: Path
+    page: Path
 
     def to_dict(self) -> dict[str, Any]:
         """For a program to read."""
-        return {"results": self.cells, "means": self.means, "run": self.run, "episodes": str(self.path)}
+        return {"results": self.cells, "means": self.means, "run": self.run, "episodes": str(self.path), "page": str(self.page)}
 
 
 def evaluate(
     wanted: Evaluation, out: Path, run: Runner, manifests: Path | None = None, tell: Callable[[str], None] = lambda text: None
 ) -> Outcome:
-    """Evaluate, or go on evaluating, into OUT/episodes.jsonl.
+    """Evaluate, or go on evaluating, into OUT/episodes.jsonl; films go to OUT/films, the page is OUT/index.html.
 
     Manifests of seeds are read from and kept in `manifests`, by default OUT/manifests. Raises ProtocolError, ResultsError and what
     the policy raises; rows that are finished stay.
@@ -65,7 +73,32 @@ def evaluate(
             results.append(text_key(job.key), row)
             tell(f"{done} of {len(missing)} episodes")
     rows = results.of(jobs)
-    return Outcome(summarise(rows), over_tasks(rows), len(missing), results.path)
+    _film(wanted, admitted, out, run, tell)
+    return Outcome(summarise(rows), over_tasks(rows), len(missing), results.path, _write_page(wanted.code, results, out))
+
+
+def _film(wanted: Evaluation, admitted: Mapping[Cell, Sequence[Case]], out: Path, run: Runner, tell: Callable[[str], None]) -> None:
+    """Film the first episodes of every cell that have no film yet."""
+    chosen = [_job(wanted, case) for cases in admitted.values() for case in cases[: wanted.films]]
+    jobs = [FilmJob(job, str(out / "films")) for job in chosen]
+    missing = [job for job in jobs if not job.strip.exists()]
+    for done, _ in enumerate(run(filming, missing) if missing else (), 1):
+        tell(f"{done} of {len(missing)} films")
+
+
+def _write_page(code: str, results: Results, out: Path) -> Path:
+    """The page of all rows of a version of the program, with the films there are, and their contact sheet."""
+    rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
+    filmed = [(row, path) for row in rows if (path := out / "films" / f"{film_id(row['key'])}.jpg").exists()]
+    films = []
+    for row, path in filmed:
+        moving = path.with_suffix(".mp4")
+        films.append(Film(caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
+    if filmed:
+        write_atomic(out / "contact_sheet.jpg", jpeg(sheet([(caption(row), read_strip(path)) for row, path in filmed])))
+    path = out / "index.html"
+    write_atomic(path, page(summarise(rows), over_tasks(rows), films, code).encode())
+    return path
 
 
 def _job(wanted: Evaluation, case: Case) -> EpisodeJob:

@@ -49,6 +49,10 @@ class Results:
             os.fsync(file.fileno())
         self._rows[key] = stored
 
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows in the order in which they were first added."""
+        return list(self._rows.values())
+
     def of(self, keys: Iterable[str]) -> list[dict[str, Any]]:
         """The rows of these keys that are there, in this order."""
         return [self._rows[key] for key in keys if key in self._rows]

@@ -1,6 +1,5 @@
 """A short film of an episode: all its cameras side by side, as an H.264 mp4 that any browser plays."""
 
-import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeError, EpisodeFile, open_episode
+from pipeline.data.mp4 import encode_mp4
 
 HEIGHT = 180  # pixels of each camera
-CRF, PRESET = "27", "veryfast"
 
 
 def clip(path: Path, height: int = HEIGHT) -> bytes:
@@ -19,24 +18,10 @@ def clip(path: Path, height: int = HEIGHT) -> bytes:
 
     Raises EpisodeError for a file that is no episode or has no camera.
     """
-    try:
-        import av
-    except ImportError:
-        return b""
-    buffer = io.BytesIO()
-    with open_episode(path) as e, av.open(buffer, "w", format="mp4") as container:
+    with open_episode(path) as e:
         if not e.cameras:
             raise EpisodeError(f"{path}: has no camera")
-        stream = None
-        for rgb in _frames(e, height):
-            if stream is None:
-                # one thread, so that the same episode gives the same bytes
-                stream = container.add_stream("h264", e.fps, options={"crf": CRF, "preset": PRESET, "threads": "1"})
-                stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], "yuv420p", 1
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
-        if stream is not None:
-            container.mux(stream.encode())
-    return buffer.getvalue()
+        return encode_mp4(_frames(e, height), e.fps)
 
 
 def _frames(e: EpisodeFile, height: int) -> Iterator[NDArray[np.uint8]]:

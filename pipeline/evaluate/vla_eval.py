@@ -1,7 +1,7 @@
 """This benchmark for vla-eval, the evaluation harness for vision-language-action models (its StepBenchmark, version 0.8).
 
     benchmarks:
-      - benchmark: "pipeline.evaluate.adapters.vla_eval:DominoBenchmark"
+      - benchmark: "pipeline.evaluate.vla_eval:DominoBenchmark"
         params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1, episodes: 20, manifests: out/manifests}
 
 Only vla-eval imports this module; it needs that package, which this project does not install. Episode n of a task is the n-th
@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from vla_eval.benchmarks.base import StepBenchmark, StepResult
-from vla_eval.specs import IMAGE_RGB, LANGUAGE, DimSpec
+from vla_eval.benchmarks.base import StepBenchmark, StepResult  # pyright: ignore[reportMissingModuleSource]
+from vla_eval.specs import IMAGE_RGB, LANGUAGE, DimSpec  # pyright: ignore[reportMissingModuleSource]
 
 from pipeline.data.recipe import Cell
 from pipeline.evaluate.case import Case

@@ -1,0 +1,29 @@
+"""Frames as an H.264 mp4 that any browser plays."""
+
+import io
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+CRF, PRESET = "27", "veryfast"
+
+
+def encode_mp4(frames: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
+    """Frames (H,W,3) uint8 RGB, H and W even, as an mp4; the same frames give the same bytes. b"" without frames, and where PyAV is
+    not installed: it comes with the lerobot extra."""
+    try:
+        import av
+    except ImportError:
+        return b""
+    buffer, stream = io.BytesIO(), None
+    with av.open(buffer, "w", format="mp4") as container:
+        for rgb in frames:
+            if stream is None:
+                # one thread, so that the same frames give the same bytes
+                stream = container.add_stream("h264", fps, options={"crf": CRF, "preset": PRESET, "threads": "1"})
+                stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], "yuv420p", 1
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+        if stream is not None:
+            container.mux(stream.encode())
+    return buffer.getvalue() if stream is not None else b""

@@ -1,0 +1,80 @@
+"""Films of evaluated episodes: the episode is run once more and its state log drawn from the head camera."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.mp4 import encode_mp4
+from pipeline.data.names import HEAD
+from pipeline.evaluate.episode import EpisodeJob, play
+from pipeline.evaluate.results import text_key
+from pipeline.stages.render import appearance_of, render
+
+COLUMNS, WIDTH = 6, 200
+"""Frames of a strip, and their width in pixels."""
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """An episode to be filmed into ROOT/<id>.mp4 and, as a strip of frames, ROOT/<id>.jpg. Workers must share the file system."""
+
+    episode: EpisodeJob
+    root: str
+
+    @property
+    def strip(self) -> Path:
+        """Where the strip goes; it is written last."""
+        return Path(self.root) / f"{film_id(text_key(self.episode.key))}.jpg"
+
+
+def film_id(key: str) -> str:
+    """The name of the film of an episode, by the key of its row."""
+    return hashlib.sha256(key.encode()).hexdigest()[:16]
+
+
+def filming() -> Callable[[FilmJob], None]:
+    """`film`, as workers are given it."""
+    return film
+
+
+def film(job: FilmJob) -> None:
+    """Run the episode and draw it. There is no mp4 where PyAV is not installed. Raises what `play` raises, and NoRenderer."""
+    trial, _ = play(job.episode)
+    appearance = appearance_of(trial.scene, camera=job.episode.camera_type).seen_by(HEAD)
+    frames = render(appearance, trial.log())[0].rgb
+    if mp4 := encode_mp4(frames, trial.fps):
+        write_atomic(job.strip.with_suffix(".mp4"), mp4)
+    write_atomic(job.strip, jpeg(strip(frames)))
+
+
+def strip(frames: NDArray[np.uint8], columns: int = COLUMNS, width: int = WIDTH) -> NDArray[np.uint8]:
+    """`columns` frames of (T,H,W,3), the first and the last among them, beside each other at this width."""
+    index = np.linspace(0, len(frames) - 1, columns).round().astype(int)
+    height = round(frames.shape[1] * width / frames.shape[2])
+    return np.hstack([np.asarray(cv2.resize(frames[i], (width, height), interpolation=cv2.INTER_AREA), np.uint8) for i in index])
+
+
+def sheet(strips: Sequence[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
+    """A contact sheet (H,W,3): strips of one width below each other, each under its caption."""
+    rows = list[NDArray[np.uint8]]()
+    for caption, image in strips:
+        bar = np.full((24, image.shape[1], 3), 250, np.uint8)
+        cv2.putText(bar, caption, (8, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
+        rows += [bar, image]
+    return np.vstack(rows)
+
+
+def jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    """An image (H,W,3) uint8 RGB as JPEG."""
+    return cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+
+
+def read_strip(path: Path) -> NDArray[np.uint8]:
+    """The strip (H,W,3) uint8 RGB in a file."""
+    return np.asarray(cv2.cvtColor(np.asarray(cv2.imread(str(path)), np.uint8), cv2.COLOR_BGR2RGB), np.uint8)

@@ -1,0 +1,34 @@
+"""The page of an evaluation: one HTML file with its tables, its films, and what others report beside them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.evaluate.published import PUBLISHED
+from pipeline.evaluate.summary import Row
+from pipeline.html import render_page
+
+
+@dataclass(frozen=True)
+class Film:
+    """A strip (JPEG bytes) and a film (mp4 bytes, b"" without) of an episode, with its caption."""
+
+    caption: str
+    strip: bytes
+    mp4: bytes
+
+
+def page(cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (), code: str = "") -> str:
+    """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the program."""
+    said = f"Code {code[:12]}." if code else ""
+    shown = [(film.caption, film.strip, film.mp4) for film in films]
+    counted = {"episodes": sum(cell["episodes"] for cell in cells), "code": said}
+    return render_page(
+        "pipeline.evaluate", "evaluation.html", cells=cells, means=means, films=shown, published=PUBLISHED, **counted
+    )
+
+
+def caption(row: Row) -> str:
+    """What is said of a film."""
+    outcome = "success" if row["success"] else f"{row['failure']} ({', '.join(row['failed'])})"
+    where = f"{row['task']}, level {row['level']}, alpha {row['alpha']:g}, {row['domain']}, seed {row['seed']}"
+    return f"{row['policy']}: {where}: {outcome}, MS {row['manipulation_score']:.0f}"

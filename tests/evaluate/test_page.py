@@ -1,0 +1,55 @@
+"""Films and the page of an evaluation."""
+
+import io
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.recipe import Cell
+from pipeline.evaluate.clock import parse_clock
+from pipeline.evaluate.evaluate import Evaluation, evaluate, inline
+from pipeline.evaluate.film import sheet, strip
+from pipeline.evaluate.policies import policy_name
+from pipeline.evaluate.protocol import Manifest, Manifests, first_seed
+from pipeline.evaluate.published import PUBLISHED
+from tests.evaluate.test_env import case_of
+
+
+def test_a_strip_has_the_first_and_the_last_frame_at_its_ends():
+    frames = np.repeat(np.arange(11, dtype=np.uint8)[:, None, None, None] * 20, 4, 1).repeat(8, 2).repeat(3, 3)
+    image = strip(frames, columns=3, width=8)
+    assert image.shape == (4, 24, 3)
+    assert image[0, :, 0].tolist() == [0] * 8 + [100] * 8 + [200] * 8
+    assert sheet([("one", image), ("two", image)]).shape == (2 * (24 + 4), 24, 3)
+
+
+def test_an_evaluation_has_a_page_and_films_on_request(tmp_path):
+    av = pytest.importorskip("av")
+    case = case_of("click_bell")
+    cell = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
+    manifests = Manifests(tmp_path / "manifests")
+    write_atomic(manifests.path(cell), Manifest(cell, first_seed(0), tried=1, cases=[case]).to_json())
+    wanted = Evaluation((cell,), policy_name("replay"), parse_clock("sim"), 1, code="<new>", films=1)
+    outcome = evaluate(wanted, tmp_path, inline)
+    text = outcome.page.read_text()
+    assert outcome.page == tmp_path / "index.html"
+    assert "Code &lt;new&gt;." in text
+    assert f"click_bell, level 1, alpha 0.1, clean, seed {case.spec.seed}: success, MS 100" in text
+    assert all(published.model in text for published in PUBLISHED)
+    assert len(re.findall(r'src="data:video/mp4', text)) == 1
+    (mp4,) = (tmp_path / "films").glob("*.mp4")
+    with av.open(io.BytesIO(mp4.read_bytes())) as film:
+        frames = sum(1 for _ in film.decode(video=0))
+    (row,) = map(json.loads, outcome.path.read_text().splitlines())
+    assert frames == row["periods"] + 1
+    picture = cv2.imread(str(tmp_path / "contact_sheet.jpg"))
+    assert picture.shape == (24 + 150, 6 * 200, 3)
+    assert picture[40:].std() > 5
+    # a second call films nothing again
+    before = mp4.stat().st_mtime_ns
+    assert evaluate(wanted, tmp_path, inline).run == 0
+    assert mp4.stat().st_mtime_ns == before
