@@ -119,7 +119,7 @@ def test_a_motion_through_another_body_is_refused():
     scene = build_scene(EpisodeSpec("place_container_plate", "aloha-agilex", 1, 0.1, "clean", 0, 0))
     names = ("plate", "container", "table")
     sweep = np.stack([[scene.bodies["plate"].pose, scene.bodies["container"].pose, np.array([0, 0, 0.74, 1, 0, 0, 0])]] * 241)
-    dry = DryRun(np.zeros((0, 14)), np.zeros((0, 14)), 4.0, {}, sweep, names, 0)
+    dry = DryRun(np.zeros((0, 14)), np.zeros((0, 14)), 4.0, {}, sweep, names, 0, None)
     plate, container = scene.bodies["plate"].pose, scene.bodies["container"].pose
 
     def towards(distance):
