@@ -18,7 +18,7 @@ class Speeds:
     retreat: float = 0.30
     shift: float = 0.15
     place: float = 0.20
-    press: float = 0.25
+    press: float = 0.12
     swing: float = 10.0
     """So high that only the joints limit the motion."""
 
@@ -203,6 +203,9 @@ class PressSearch:
 
     depth: float = 0.004
     """Distance (m) by which they go beyond the spot."""
+
+    felt_every: int = 4
+    """Physics steps after which it is seen whether they touch the target."""
 
     pitches: tuple[float, ...] = (1.25, 1.0, 1.5, 0.8)
     """Approaches tried, rad below the horizontal."""

@@ -124,7 +124,10 @@ def press(
     speed: float = SPEEDS.press,
     pitches: Sequence[float] = PRESS.pitches,
 ) -> Skill:
-    """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then straight down, `depth` m beyond."""
+    """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then straight down, `depth` m beyond.
+
+    They stop where they touch the target: an arm that is driven on throws what stands under it over.
+    """
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm = a.arm_planner(side)
@@ -147,8 +150,12 @@ def press(
                 continue
             yield {side: trajectory}
             descent = arm.timed(line, minimum=(above + depth) / speed)
-            yield {side: descent}
-            yield {side: _resting(descent, round(TIMING.press * PHYSICS_HZ))}
+            last = descent
+            for last in _pieces(descent, PRESS.felt_every):
+                yield {side: last}
+                if a.simulation.touched_by:
+                    break
+            yield {side: _resting(last, round(TIMING.press * PHYSICS_HZ))}
             return
         raise PlanFailure("press_blocked", f"the {side} arm finds no free path down to the spot")
 
@@ -165,6 +172,13 @@ def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> NDArra
                 across = sign * np.array([-np.sin(azimuth), np.cos(azimuth), 0])
                 poses.append(frame(spot[:3] - tip * approach, approach, across))
     return np.array(poses)
+
+
+def _pieces(t: ArmTrajectory, rows: int) -> Iterator[ArmTrajectory]:
+    """A trajectory in pieces of `rows` rows."""
+    for first in range(0, len(t.q), rows):
+        piece = slice(first, first + rows)
+        yield ArmTrajectory(t.q[piece], t.qd[piece], t.gripper[piece])
 
 
 def _resting(t: ArmTrajectory, rows: int) -> ArmTrajectory:
