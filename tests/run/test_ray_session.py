@@ -17,6 +17,8 @@ from pipeline.run.ray_session import session
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
 
 ROOT = Path(__file__).parents[2]
+LEFTOVER = "127.0.0.1:1"
+"""Where the leftover cluster says that it is; nobody listens there."""
 
 DRIVER = """
 import sys, time
@@ -69,16 +71,34 @@ def token(pids: list[int]) -> str:
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """A session with a leftover RAY_ADDRESS in the environment; where its control service listens."""
-    os.environ["RAY_ADDRESS"] = "127.0.0.1:1"
-    try:
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the control service of a session listens.
+
+    The session runs beside what a `ray start --head` leaves behind: RAY_ADDRESS, and the file in which Ray looks up the cluster.
+    """
+    leftover = tmp_path_factory.mktemp("leftover")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_ADDRESS", LEFTOVER)
+        patch.setenv("RAY_TMPDIR", str(leftover))
+        from ray._common.utils import get_ray_address_file
+        from ray._private.utils import read_ray_address
+
+        file = Path(get_ray_address_file(None))
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(LEFTOVER)
+        assert leftover in file.parents and read_ray_address() == LEFTOVER
         with session(Pool("ray", 2)):
             import ray
 
             yield ray.get_runtime_context().gcs_address
-    finally:
-        del os.environ["RAY_ADDRESS"]
+        assert file.read_text() == LEFTOVER
+
+
+def test_a_leftover_cluster_is_not_joined(address: str):
+    import ray
+
+    assert address != LEFTOVER
+    assert ray.get(ray.remote(lambda: 7).remote()) == 7
 
 
 def test_everything_listens_on_loopback(address: str):
