@@ -1,5 +1,6 @@
 """A run's Ray listens on loopback only, answers nobody without its token, and leaves nothing behind however its driver ends."""
 
+import json
 import os
 import re
 import signal
@@ -12,6 +13,7 @@ from urllib.request import urlopen
 
 import pytest
 
+from pipeline.run.doctor.alive import RAY, judge_ray
 from pipeline.run.pool import Pool
 from pipeline.run.ray_session import session
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
@@ -99,6 +101,12 @@ def test_a_leftover_cluster_is_not_joined(address: str):
 
     assert address != LEFTOVER
     assert ray.get(ray.remote(lambda: 7).remote()) == 7
+
+
+@pytest.mark.usefixtures("address")
+def test_the_doctor_hears_a_worker(capsys: pytest.CaptureFixture[str]):
+    exec(RAY, {})
+    assert judge_ray(json.loads(capsys.readouterr().out)).verdict == "PASS"
 
 
 def test_everything_listens_on_loopback(address: str):
