@@ -14,7 +14,7 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build test lint bench setup clean help
+.PHONY: build test readme lint bench setup clean help
 
 build: setup  ## set up, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
@@ -23,6 +23,9 @@ build: setup  ## set up, then make, export and verify the first dataset (OUT, TA
 
 test: setup  ## run the tests
 	$(VENV)/pytest
+
+readme: setup  ## run every command of README.md as written (10 minutes)
+	$(VENV)/pytest -n 0 -m slow tests/test_docs_followed.py
 
 lint: setup  ## check style, types and which room imports which
 	$(VENV)/ruff check

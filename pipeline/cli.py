@@ -19,6 +19,7 @@ for _name, _value in SINGLE_THREAD.items():
 from pipeline.commands.annotate import annotate
 from pipeline.commands.build import build, plan
 from pipeline.commands.catalogue import assets_app, check_object, check_task, embodiments, objects, tasks
+from pipeline.commands.doctor import doctor
 from pipeline.commands.evaluate import evaluate
 from pipeline.commands.export import ExportCommand, export
 from pipeline.commands.inspect import status, verify
@@ -30,7 +31,7 @@ from pipeline.data.errors import DominoError
 
 VERBS = (
     *(build, plan, status, show, verify, render, export, annotate, evaluate, ladder, serve_policy),
-    *(tasks, embodiments, objects, check_task, check_object),
+    *(tasks, embodiments, objects, check_task, check_object, doctor),
 )
 CLASSES: dict[Callable[..., None], type[TyperCommand]] = {export: ExportCommand}
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)

@@ -86,17 +86,28 @@ mesa_suite() {  # the first suite known to apt that holds Mesa >= 25
         awk -F'|' '{ split($3, source, " "); split(source[2], suite, "/"); if ($2 + 0 >= 25) { print suite[1]; exit } }'
 }
 
+backports_line() {  # a source of RELEASE-backports, from the server of the machine's own source of that release and by its keys
+    local release=$1 uri file keys
+    read -r uri file < <(apt-get indextargets --format '$(RELEASE) $(COMPONENT) $(REPO_URI) $(SOURCESENTRY)' 'Created-By: Packages' |
+        awk -v release="$release" '$1 == release && $2 == "main" { print $3, $4; exit }') && [ -n "$uri" ] || return 1
+    keys=$(grep -ioE 'signed-by[:=] *"?/[^], "]+' "${file%:*}" 2>/dev/null | head -n 1 | grep -oE '/.*') || true
+    echo "deb ${keys:+[signed-by=$keys] }$uri $release-backports main"
+}
+
 install_mesa() {
-    local version suite codename
+    local suite codename line
     command -v apt-get >/dev/null || { say "this is not a Debian or Ubuntu: install Mesa >= 25 (lavapipe) by hand"; return 1; }
     as_root apt-get update >&2 || { say "apt-get update failed or needs root: install Mesa >= 25 (mesa-vulkan-drivers) by hand"; return 1; }
     codename=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
     suite=$(mesa_suite)
-    if [ -z "$suite" ] && [ "$(. /etc/os-release && echo "$ID")" = debian ]; then
-        say "adding $codename-backports for Mesa >= 25"
-        echo "deb http://deb.debian.org/debian $codename-backports main" |
-            as_root tee "/etc/apt/sources.list.d/$codename-backports.list" >/dev/null
-        as_root apt-get update >&2 || return 1
+    if [ -z "$suite" ] && [ "$(. /etc/os-release && echo "$ID")" = debian ] && line=$(backports_line "$codename"); then
+        say "adding a source for Mesa >= 25: $line"
+        echo "$line" | as_root tee "/etc/apt/sources.list.d/$codename-backports.list" >/dev/null
+        if ! as_root apt-get update >&2; then
+            say "$codename-backports is not to be had there: install Mesa >= 25 (mesa-vulkan-drivers) by hand"
+            as_root rm -f "/etc/apt/sources.list.d/$codename-backports.list"
+            return 1
+        fi
         suite=$(mesa_suite)
     fi
     if [ -z "$suite" ]; then

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.run.command import ROOT, build
+from tests.run.processes import wait_for
 from tests.world.robots.test_vendor_meshes import vendor_package
 
 BLOCK = re.compile(r"^(?P<before>(?:[^\n]+\n)*)\n?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -47,23 +49,35 @@ def checkout(tmp_path):
     return tree
 
 
-def follow(page: str, tree: Path) -> list[str]:
-    """Save what is to be saved and run every line of the shell blocks, in the order of the page; the lines that were run."""
+def environment(tree: Path) -> dict[str, str]:
+    """Variables of a shell in the new directory."""
     place = {"PYTHONPATH": str(tree), "PATH": f"{tree}/.venv/bin:{os.environ['PATH']}", "HOME": str(tree.parent / "home")}
     # the test runner of the page's own command must not take this one's workers for its own
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | place
-    run = []
-    for block in blocks(ROOT / "docs" / page):
+    return {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")} | place
+
+
+def shell_lines(page: Path) -> list[str]:
+    """Lines of the shell blocks of a page, in order, continuations joined."""
+    return [line for block in blocks(page) if block.kind == "sh" for line in block.text.replace("\\\n", " ").splitlines()]
+
+
+def run(line: str, tree: Path, patience: float = 400) -> None:
+    """Run a line of a page; it must succeed."""
+    command = ["bash", "-c", line]
+    done = subprocess.run(command, cwd=tree, env=environment(tree), capture_output=True, text=True, timeout=patience, check=False)
+    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+
+
+def follow(page: str, tree: Path) -> list[str]:
+    """Save what is to be saved and run every line of the shell blocks, in the order of the page; the lines that were run."""
+    path = ROOT / "docs" / page
+    for block in blocks(path):
         if block.file:
             (tree / block.file).write_text(block.text)
         elif block.kind == "sh":
             for line in block.text.replace("\\\n", " ").splitlines():
-                done = subprocess.run(
-                    ["bash", "-c", line], cwd=tree, env=environment, capture_output=True, text=True, timeout=400, check=False
-                )
-                assert done.returncode == 0, f"{page}: {line}\n{done.stdout}\n{done.stderr}"
-                run.append(line)
-    return run
+                run(line, tree)
+    return shell_lines(path)
 
 
 def test_the_page_on_tasks(checkout):
@@ -93,3 +107,34 @@ def test_the_page_on_formats(checkout):
 def test_the_page_on_recipes(checkout):
     follow("recipes.md", checkout)
     assert len(list((checkout / "out/bells/episodes").rglob("*.hdf5"))) == 2
+
+
+@pytest.mark.slow
+def test_the_readme(checkout):
+    lines = shell_lines(ROOT / "README.md")
+    endless = "domino-data build --embodiment aloha --levels 1,2,3 --out out/mine"
+    assert lines[:2] == ["make build", "make test"] and lines.count(endless) == 1
+    for line in lines[2:]:
+        if line == endless:
+            stop_after_an_episode(line, checkout)
+        else:
+            run(line, checkout, 1200)
+    assert len(list((checkout / "out/smoke/episodes").rglob("*.hdf5"))) >= 30
+    assert (checkout / "out/smoke/exports/lerobot/meta/info.json").exists()
+    assert (checkout / "out/evaluated/results.parquet").exists()
+
+
+def stop_after_an_episode(line: str, tree: Path) -> None:
+    """Start a build of days, interrupt it as Ctrl-C does when there is an episode, and see that it stops and could go on."""
+    out = tree / "out/mine"
+    process = subprocess.Popen(
+        ["bash", "-c", line], cwd=tree, env=environment(tree), start_new_session=True, stderr=subprocess.PIPE
+    )
+    try:
+        assert wait_for(lambda: process.poll() is not None or any(out.glob("episodes/**/*.hdf5")), 600)
+        os.killpg(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=120)
+    finally:
+        process.kill()
+    assert process.returncode == 130 and b"the same command goes on" in err
+    run(f"domino-data verify {out}", tree)

@@ -1,10 +1,12 @@
 """The files that developers work by agree with each other: Makefile, hooks and project file."""
 
+import os
 import re
 import subprocess
 import tomllib
 from pathlib import Path
 
+import pytest
 import yaml
 
 ROOT = Path(__file__).parent.parent
@@ -15,6 +17,54 @@ def test_make_help_lists_every_target():
     assert phony
     shown = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert set(re.findall(r"^  make (\w+) +\S", shown, re.MULTILINE)) == set(phony[1].split())
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "wanted"),
+    [
+        (
+            "debian.sources",
+            "Types: deb\nURIs: http://packages.test/debian\nSigned-By: /keys/archive.gpg\n",
+            "deb [signed-by=/keys/archive.gpg] http://packages.test/debian/ bookworm-backports main",
+        ),
+        (
+            "old.list",
+            "deb [arch=amd64 signed-by=/keys/old.gpg] http://packages.test/debian bookworm main\n",
+            "deb [signed-by=/keys/old.gpg] http://packages.test/debian/ bookworm-backports main",
+        ),
+        (
+            "plain.list",
+            "deb http://packages.test/debian bookworm main\n",
+            "deb http://packages.test/debian/ bookworm-backports main",
+        ),
+    ],
+)
+def test_the_set_up_takes_backports_from_the_machines_own_sources(tmp_path, name, source, wanted):
+    script = (ROOT / "scripts" / "setup.sh").read_text()
+    function = re.search(r"^backports_line\(\) \{.*?^\}$", script, re.MULTILINE | re.DOTALL)
+    assert function
+    (tmp_path / name).write_text(source)
+    rows = (("bookworm-security main", "security", 2), ("bookworm contrib", "other", 1), ("bookworm main", "debian", 1))
+    targets = "".join(f"{of} http://packages.test/{place}/ {tmp_path}/{name}:{line}\n" for of, place, line in rows)
+    (tmp_path / "targets").write_text(targets)
+    (tmp_path / "apt-get").write_text(f"#!/bin/sh\ncat {tmp_path}/targets\n")
+    (tmp_path / "apt-get").chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+
+    def line(release):
+        command = ["bash", "-euo", "pipefail", "-c", f"{function[0]}\nbackports_line {release}"]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    assert line("bookworm").stdout.strip() == wanted
+    none = line("trixie")
+    assert (none.returncode, none.stdout) == (1, "")
+
+
+def test_no_server_of_packages_is_written_in_the_repository():
+    files = [ROOT / "Makefile", *(ROOT / "scripts").iterdir(), *(ROOT / ".ci").iterdir(), ROOT / "pyproject.toml"]
+    found = {host for file in files for host in re.findall(r"https?://([\w.-]+)", file.read_text())}
+    # uv's own site: its installer, and a page to read
+    assert found <= {"astral.sh", "docs.astral.sh"}
 
 
 def test_the_hooks_are_the_checks_of_make_lint():

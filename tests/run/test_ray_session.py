@@ -1,5 +1,6 @@
 """A run's Ray listens on loopback only, answers nobody without its token, and leaves nothing behind however its driver ends."""
 
+import json
 import os
 import re
 import signal
@@ -12,11 +13,14 @@ from urllib.request import urlopen
 
 import pytest
 
+from pipeline.run.doctor.alive import RAY, judge_ray
 from pipeline.run.pool import Pool
 from pipeline.run.ray_session import session
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
 
 ROOT = Path(__file__).parents[2]
+LEFTOVER = "127.0.0.1:1"
+"""Where the leftover cluster says that it is; nobody listens there."""
 
 DRIVER = """
 import sys, time
@@ -69,16 +73,40 @@ def token(pids: list[int]) -> str:
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """A session with a leftover RAY_ADDRESS in the environment; where its control service listens."""
-    os.environ["RAY_ADDRESS"] = "127.0.0.1:1"
-    try:
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the control service of a session listens.
+
+    The session runs beside what a `ray start --head` leaves behind: RAY_ADDRESS, and the file in which Ray looks up the cluster.
+    """
+    leftover = tmp_path_factory.mktemp("leftover")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_ADDRESS", LEFTOVER)
+        patch.setenv("RAY_TMPDIR", str(leftover))
+        from ray._common.utils import get_ray_address_file
+        from ray._private.utils import read_ray_address
+
+        file = Path(get_ray_address_file(None))
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(LEFTOVER)
+        assert leftover in file.parents and read_ray_address() == LEFTOVER
         with session(Pool("ray", 2)):
             import ray
 
             yield ray.get_runtime_context().gcs_address
-    finally:
-        del os.environ["RAY_ADDRESS"]
+        assert file.read_text() == LEFTOVER
+
+
+def test_a_leftover_cluster_is_not_joined(address: str):
+    import ray
+
+    assert address != LEFTOVER
+    assert ray.get(ray.remote(lambda: 7).remote()) == 7
+
+
+@pytest.mark.usefixtures("address")
+def test_the_doctor_hears_a_worker(capsys: pytest.CaptureFixture[str]):
+    exec(RAY, {})
+    assert judge_ray(json.loads(capsys.readouterr().out)).verdict == "PASS"
 
 
 def test_everything_listens_on_loopback(address: str):

@@ -1,0 +1,33 @@
+"""doctor: whether this machine can build, export and annotate, and how to mend what it lacks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import AsJson
+
+
+def doctor(
+    out: Annotated[Path, typer.Option(help="Where datasets are to be written.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """Examine this machine; exit code 1 where something keeps it from building."""
+    import json
+
+    from pipeline.run.doctor import diagnose
+
+    results = []
+    for result in diagnose(out):
+        results.append(result)
+        if not as_json:
+            print(f"{result.verdict}  {result.name}: {result.detail}", flush=True)
+            if result.fix:
+                print(f"      fix: {result.fix}", flush=True)
+    counts = {verdict: sum(r.verdict == verdict for r in results) for verdict in ("PASS", "WARN", "FAIL")}
+    if as_json:
+        print(json.dumps({"ok": not counts["FAIL"], "checks": [r.as_dict() for r in results]}, indent=1))
+    else:
+        print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    if counts["FAIL"]:
+        raise typer.Exit(1)

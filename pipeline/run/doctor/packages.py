@@ -1,0 +1,137 @@
+"""The installed packages: who owns cv2, which extras are there, whether video can be written and read, which weights are here."""
+
+import io
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from importlib import metadata
+
+from pipeline.annotate.keys import AnnotateError
+from pipeline.annotate.models import resolve
+from pipeline.annotate.options import FeatureOptions, MaskOptions
+from pipeline.run.doctor.result import Result
+
+CV2 = "opencv-python-headless"
+EXTRAS = {
+    "lerobot": "reading exports with LeRobot",
+    "annotate": "masks and features by model",
+    "train": "training the example policy",
+    "viz": "looking at exports in Rerun",
+    "gr00t": "evaluating policies behind a GR00T server",
+}
+"""What each extra is for."""
+
+
+def check_cv2(owners: Mapping[str, Sequence[str]] | None = None) -> Result:
+    """One package owns the module cv2: two overwrite each other's files, and the one with windows needs libraries of X11."""
+    found = sorted(set((metadata.packages_distributions() if owners is None else owners).get("cv2", ())))
+    fix = f"uv pip uninstall {' '.join(found or [CV2])}; uv pip install --reinstall {CV2}"
+    if found != [CV2]:
+        return Result("cv2", "FAIL", f"cv2 belongs to {', '.join(found) or 'no package'}, and must to {CV2} alone", fix)
+    try:
+        import cv2
+    except ImportError as error:
+        return Result("cv2", "FAIL", f"cv2 does not load ({_line(error)})", fix)
+    return Result("cv2", "PASS", f"cv2 {cv2.__version__} belongs to {CV2}")
+
+
+def missing_by_extra(requirements: Iterable[str], installed: Callable[[str], bool]) -> dict[str, list[str]]:
+    """Packages that are not installed, by extra; every extra of EXTRAS that the requirements name is a key."""
+    missing: dict[str, list[str]] = {}
+    for requirement in requirements:
+        extra = re.search(r"extra == ['\"]([\w.-]+)['\"]", requirement)
+        name = re.match(r"[\w.-]+", requirement)
+        if extra and name and extra[1] in EXTRAS:
+            missing.setdefault(extra[1], []).extend([] if installed(name[0]) else [name[0]])
+    return missing
+
+
+def is_installed(name: str) -> bool:
+    """Whether a package is there."""
+    try:
+        metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def check_extras(missing: Mapping[str, Sequence[str]]) -> list[Result]:
+    """One result for each extra."""
+    found = []
+    for extra, packages in sorted(missing.items()):
+        if packages:
+            said = f"{', '.join(packages)} not installed: no {EXTRAS[extra]}"
+            found.append(Result(f"extra {extra}", "WARN", said, f"`make setup`, or uv sync --extra {extra}"))
+        else:
+            found.append(Result(f"extra {extra}", "PASS", EXTRAS[extra]))
+    return found
+
+
+def check_video(attempt: Callable[[int], int] | None = None) -> Result:
+    """A video is written and read again with the encoder of the default export. `attempt` does so and counts the frames read."""
+    wanted, fix = 2, "uv pip install --reinstall av"
+    try:
+        count = (attempt or _through_a_video)(wanted)
+        version = metadata.version("av")
+    except (ImportError, OSError, ValueError) as error:
+        return Result("video", "FAIL", f"no H.264 video can be written ({_line(error)})", fix)
+    if count != wanted:
+        return Result("video", "FAIL", f"{count} of {wanted} frames of a video are read again", fix)
+    return Result("video", "PASS", f"PyAV {version} with its own FFmpeg writes and reads H.264")
+
+
+def _through_a_video(count: int) -> int:
+    """Encode black frames; how many are decoded. Raises ImportError, OSError or ValueError."""
+    import av
+
+    data = io.BytesIO()
+    with av.open(data, "w", "mp4") as container:
+        stream = container.add_stream("h264", rate=Fraction(24))
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for _ in range(count):
+            container.mux(stream.encode(av.VideoFrame(64, 48, "rgb24")))
+        container.mux(stream.encode())
+    data.seek(0)
+    read = 0
+    with av.open(data, "r") as container:
+        read = sum(1 for _ in container.decode(video=0))
+    return read
+
+
+def check_torchcodec(command: Sequence[str] = (sys.executable, "-c", "import torchcodec"), needed: bool = True) -> Result:
+    """Whether the decoder that LeRobot prefers finds FFmpeg's libraries; asked in a process of its own."""
+    fix = "apt install ffmpeg, or LeRobotDataset(..., video_backend='pyav')"
+    if not needed:
+        return Result("torchcodec", "PASS", "not installed; LeRobot reads videos with PyAV")
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    if done.returncode:
+        why = "finds no FFmpeg" if "FFmpeg" in done.stderr else "does not load"
+        return Result("torchcodec", "WARN", f"LeRobot's reader of videos {why}", fix)
+    return Result("torchcodec", "PASS", "finds FFmpeg")
+
+
+def check_weights(names: Sequence[str] | None = None) -> list[Result]:
+    """Whether the networks that `annotate` uses by default are on this machine; nothing is downloaded."""
+    wanted = names or (MaskOptions().detector, MaskOptions().segmenter, FeatureOptions().encoder)
+    found = []
+    for name in wanted:
+        try:
+            files = resolve(name, download=False)
+        except AnnotateError as error:
+            fix = f"hf download {_hub(name)}; --mask-source sim needs no weights"
+            found.append(Result(f"weights {name}", "WARN", _line(error), fix))
+        else:
+            found.append(Result(f"weights {name}", "PASS", files.path))
+    return found
+
+
+def _hub(name: str) -> str:
+    from pipeline.annotate.models import ALIASES
+
+    return ALIASES.get(name, name)
+
+
+def _line(error: object) -> str:
+    return " ".join(str(error).split())[:200]
