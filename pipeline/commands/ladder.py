@@ -37,7 +37,7 @@ def ladder(
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk and how many are executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each kind.")] = 3,
-    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 100,
+    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 80,
     back: Annotated[int, typer.Option(min=1, help="How many frames back two_frames looks.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per task and level.")] = 20,
     executor: Executor = "auto",
