@@ -2,7 +2,8 @@
 physics and rendering.
 
 `run --rows DIR` runs the study of the reference policies (benchmarks/study) into DIR and goes on where it was stopped; `page --rows
-DIR` writes its tables and plots into docs/evaluation.md.
+DIR` writes its tables and plots into docs/evaluation.md. `resume` kills evaluations half-way and compares one process with two
+workers.
 """
 
 import argparse
@@ -10,12 +11,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from benchmarks.hardware import hardware
 from benchmarks.study import page
 from benchmarks.study.plan import TEN
+from benchmarks.study.resume import compare
 from benchmarks.study.rows import Rows, markdown
 from benchmarks.study.run import run
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
@@ -98,10 +101,11 @@ def first_case(task: str) -> Case:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="?", choices=("speed", "run", "page"), default="speed")
+    parser.add_argument("what", nargs="?", choices=("speed", "run", "page", "resume"), default="speed")
     parser.add_argument("--rows", type=Path, default=Path("out/study"), help="where the rows of the study are")
     parser.add_argument("--tasks", default="", help="names; three for speed, ten for the study by default")
     parser.add_argument("--seeds", type=int, default=20, help="admitted scenes of every task and cell")
+    parser.add_argument("--episodes", type=int, default=100, help="episodes that are killed and gone on with")
     args = parser.parse_args()
     tasks = args.tasks.split(",") if args.tasks else ()
     match args.what:
@@ -109,6 +113,9 @@ def main() -> None:
             run(args.rows, tasks or TEN, args.seeds)
         case "page":
             page.write(Rows.read(args.rows))
+        case "resume":
+            with TemporaryDirectory() as where:
+                print(compare(Path(where), args.episodes), hardware(), sep="\n")
         case _:
             device = ensure_renderer()
             print(f"{hardware(device)}\n\n{speed(tasks or ('click_bell', 'shake_bottle', 'place_container_plate'))}")

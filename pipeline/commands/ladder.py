@@ -37,7 +37,7 @@ def ladder(
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk and how many are executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each kind.")] = 3,
-    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 100,
+    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 80,
     back: Annotated[int, typer.Option(min=1, help="How many frames back two_frames looks.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per task and level.")] = 20,
     executor: Executor = "auto",
@@ -50,6 +50,7 @@ def ladder(
     as_json: AsJson = False,
 ) -> None:
     """Show what memory buys on moving targets: state networks with and without velocity, trained in minutes, levels 0-3."""
+    from pipeline.data.dataset import Dataset
     from pipeline.evaluate.ladder.features import INPUTS
     from pipeline.evaluate.ladder.network import Settings
     from pipeline.run.evaluation import evaluation_version, runner
@@ -62,6 +63,8 @@ def ladder(
     recipe = recipe_of(None, tasks=tasks, embodiments=embodiment, levels=levels, alpha=alpha, episodes=demonstrations)
     settings = Settings(epochs=epochs, back=back)
     wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version(), code_version())
+    if data is not None:
+        Dataset(data).recipe()  # refused before anything is made
     try:
         import torch  # noqa: F401
     except ImportError as error:

@@ -20,7 +20,8 @@ TEXT = (Path(__file__).parents[2] / "docs" / "evaluation.md").read_text()
 
 
 def test_the_example_of_a_file_runs(tmp_path):
-    (example,) = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    part = TEXT.split("### A file")[1].split("### ")[0]
+    (example,) = re.findall(r"^```python\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
     assert len([line for line in example.splitlines() if line.strip()]) <= 20
     path = tmp_path / "waits.py"
     path.write_text(example)
@@ -53,3 +54,11 @@ def test_every_message_is_described():
         assert rows[message["type"]][0] == sender
         keys = {*message, *message.get("contract", {})} - {"type"}
         assert keys == set(re.findall(r"`(\w+)`", rows[message["type"]][1]))
+
+
+def test_the_environment_of_the_page_is_made():
+    part = TEXT.split("## In gymnasium")[1].split("## ")[0]
+    (example,) = re.findall(r"^```python\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
+    names: dict[str, object] = {}
+    exec(example, names)
+    assert names["env"].observation_space["depth"]["head_camera"].shape == (240, 320)

@@ -20,11 +20,11 @@ class Settings:
 
     inputs: str = "position"
     chunk: int = 20
-    width: int = 512
-    epochs: int = 100
+    width: int = 256
+    epochs: int = 80
     seed: int = 0
     back: int = 1
-    rate: float = 1e-3
+    rate: float = 3e-3
     batch: int = 256
 
 
