@@ -84,7 +84,7 @@ def _described(flags: Mapping[str, Mapping[str, bool]]) -> str:
 def export(
     ctx: typer.Context,
     dataset: Root,
-    format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin, parquet, dynamicwam or puma-gt.")],
+    format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin, parquet, dynamicwam, puma-gt.")],
     out: Annotated[Path | None, typer.Option(help="Where to write.", show_default="DATASET/exports/FORMAT")] = None,
     workers: Workers = None,
     as_json: AsJson = False,

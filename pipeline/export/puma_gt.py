@@ -3,8 +3,8 @@
     <dataset name>/ep000/gt.pkl
 
 The loader looks for <its dynamic_gt_path>/<name of the LeRobot directory>/ep<episode index>. Episodes have the numbers that they
-have in an export to `lerobot` or `lerobot-v2.1` with the same `--per-task`. `pose7_frame_aligned` (T,7) is where the target was in every
-frame, `pose7_sim` (N,7) where its motion puts it at every physics step until the meeting; poses are x y z qw qx qy qz.
+have in an export to `lerobot` or `lerobot-v2.1` with the same `--per-task`. `pose7_frame_aligned` (T,7) is where the target was in
+every frame, `pose7_sim` (N,7) where its motion puts it at every physics step until the meeting; poses are x y z qw qx qy qz.
 """
 
 import pickle
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.export.common import ExportError, Facts, read_facts, reading, staged
+from pipeline.export.common import ExportError, Facts, read_facts, reading, same, staged
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.interception import Interception, interception
 from pipeline.export.lerobot_options import datasets_of
@@ -100,14 +100,17 @@ class PumaGt(Exporter[PumaGtOptions]):
     options = PumaGtOptions
 
     def export(self, job: Job[PumaGtOptions]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes."""
+        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one dataset that do not fit together."""
         with staged(job.out, job.dataset) as folder:
             frames = 0
             for root, paths in _roots(job.episodes, folder, job.options):
                 root.mkdir(parents=True)
+                first = None
                 with closing(Provenance(root / "episodes.parquet")) as rows:
                     for index, path in enumerate(paths):
                         facts, data = _coded(index, path, job.dataset)
+                        first = first or facts
+                        same(first, facts)
                         place = root / f"ep{index:03d}"
                         place.mkdir()
                         (place / "gt.pkl").write_bytes(data)
