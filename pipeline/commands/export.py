@@ -91,6 +91,7 @@ def export(
 ) -> None:
     """Write a dataset in another format."""
     from pipeline.export import EXPORTERS, Job, parse_options
+    from pipeline.report.card import describe
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:
@@ -107,7 +108,8 @@ def export(
         )
     place, processes = out or source.exports(format_), executor_of("ray", workers)[1]
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
-        job = Job(source.root, place, sorted(episodes), options, bar.update, processes)
+        describing = describe(source.root, sorted(episodes))
+        job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing)
         values = exporter.export(job)
     warn_of_stale(source, recipe)
     say(values, as_json, f"{len(episodes)} episodes written to {place}")

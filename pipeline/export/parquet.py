@@ -136,6 +136,16 @@ def _groups(file: Path) -> list[tuple[Path, int, int]]:
     return [(file, i, metadata.row_group(i).num_rows) for i in range(metadata.num_row_groups)]
 
 
+def _take(groups: list[tuple[Path, int, int]], rows: int) -> list[tuple[Path, int]]:
+    """The first row groups, taken from the list, that have so many rows together; [] where none have."""
+    taken = []
+    while groups and rows > 0:
+        name, group, count = groups.pop(0)
+        taken.append((name, group))
+        rows -= count
+    return taken if rows == 0 else []
+
+
 def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, joined: Sequence[Joined]) -> Plan:
     reference = next(iter(firsts.values()))
     names = {name: list(f.log.vector_names) for name, f in firsts.items()}
