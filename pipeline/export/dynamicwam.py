@@ -24,10 +24,11 @@ from pipeline.data.names import HEAD, LEFT_WRIST, RIGHT_WRIST, SIDES
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.common import ExportError, Facts, grouped, make_groups, read_facts, reading, same, staged, write_json
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.interception import Interception, interception
+from pipeline.export.meetings import interception
 from pipeline.export.options import NoOptions
 from pipeline.export.provenance import Provenance
 from pipeline.export.robotwin import coded, configuration, episode_arrays
+from pipeline.motion.interception import Interception
 
 SCHEMA = 2
 WIDTH = 14

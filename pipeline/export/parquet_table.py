@@ -12,8 +12,9 @@ import pyarrow as pa
 from pipeline.data.episode import EpisodeFile
 from pipeline.export.annotations import IMAGE, Joined, annotation_columns
 from pipeline.export.common import Facts, event_frames
-from pipeline.export.interception import interception, track
 from pipeline.export.lerobot_format import contact_flags
+from pipeline.export.meetings import interception
+from pipeline.motion.interception import track
 
 VECTORS = ("state", "action", "target_pose", "target_velocity", "tcp_left", "tcp_right")
 FLAGS = ("contact_target", "contact_manipulated", "held")

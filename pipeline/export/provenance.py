@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from pipeline.data.names import SIDES
 from pipeline.data.state_log import StateLog
 from pipeline.export.common import Facts, read_facts, reading
-from pipeline.export.interception import interception
+from pipeline.export.meetings import interception
 
 
 def scalars(facts: Facts) -> dict[str, Any]:

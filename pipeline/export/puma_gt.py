@@ -18,10 +18,11 @@ import numpy as np
 
 from pipeline.export.common import ExportError, Facts, read_facts, reading, same, staged
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.interception import Interception, interception
 from pipeline.export.lerobot_options import datasets_of
+from pipeline.export.meetings import interception
 from pipeline.export.options import option
 from pipeline.export.provenance import Provenance
+from pipeline.motion.interception import Interception
 from pipeline.motion.target_motion import Segment, TargetMotion
 
 PROTOCOL = 4

@@ -15,7 +15,6 @@ from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import SIDES
 from pipeline.data.state_log import StateLog
-from pipeline.export.common import ExportError, Facts
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import Pose, compose, inverse
 
@@ -169,15 +168,6 @@ class Interception:
         if not contacts:
             return self.target.copy()
         return compose(self.target, compose(inverse(contacts[0].target), contacts[0].tcp))
-
-
-def interception(facts: Facts) -> Interception:
-    """The derived data of an episode. Raises ExportError where its motion cannot be read."""
-    try:
-        motion = TargetMotion.from_json(facts.motion)
-    except ValueError as error:
-        raise ExportError(f"{facts.source}: {error}") from error
-    return Interception(facts.meta, facts.log, motion, facts.target)
 
 
 def pose_at(times: Array, poses: Array, time: float) -> Pose:
