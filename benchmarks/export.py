@@ -26,6 +26,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.video import Codec, encode
+from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import pose
 from pipeline.world.visuals import CLEAN
 
@@ -91,8 +92,9 @@ def drawn_episode(path: Path, frames: int, slot: int) -> Path:
         }
     )
     texts = {"seen": [f"instruction {i}" for i in range(20)], "unseen": []}
+    motion = TargetMotion.still(moving[0], float(times[frames // 2])).to_json()
     spec = EpisodeSpec("benchmark", "aloha-agilex", 1, 0.1, "clean", slot, 0)
-    write_episode(path, Episode(spec, log, "{}", texts, meta), views)
+    write_episode(path, Episode(spec, log, motion, texts, meta), views)
     return path
 
 
@@ -140,6 +142,7 @@ def formats(paths: list[Path], root: Path) -> list[tuple[str, float, float, floa
         "aloha": ("write raw images", write_raw),
         "parquet": copying,
         "robotwin": copying,
+        "dynamicwam": copying,
     }
     rows = []
     for name, exporter in EXPORTERS.items():
@@ -147,8 +150,9 @@ def formats(paths: list[Path], root: Path) -> list[tuple[str, float, float, floa
         job = Job(root, out, paths, exporter.options(**REQUIRED.get(name, {})))
         exporter.export(replace(job, episodes=paths[:1]))  # imports and encoder start-up are no cost of an episode
         rows.append((name, *seconds(lambda: exporter.export(job)), _megabytes(out)))  # noqa: B023
-        said, floor = floors[name]
-        rows.append((f"{name}: floor, {said}", *seconds(floor), 0.0))
+        if name in floors:
+            said, floor = floors[name]
+            rows.append((f"{name}: floor, {said}", *seconds(floor), 0.0))
         rows.append((f"{name}: check", *seconds(lambda: exporter.check(root, out, paths)), 0.0))  # noqa: B023
     return rows
 

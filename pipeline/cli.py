@@ -24,13 +24,15 @@ from pipeline.commands.evaluate import evaluate
 from pipeline.commands.export import ExportCommand, export
 from pipeline.commands.inspect import status, verify
 from pipeline.commands.ladder import ladder
+from pipeline.commands.publish import publish
 from pipeline.commands.render import render
 from pipeline.commands.serve_policy import serve_policy
 from pipeline.commands.show import show
+from pipeline.commands.view import view
 from pipeline.data.errors import DominoError
 
 VERBS = (
-    *(build, plan, status, show, verify, render, export, annotate, evaluate, ladder, serve_policy),
+    *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, ladder, serve_policy),
     *(tasks, embodiments, objects, check_task, check_object, doctor),
 )
 CLASSES: dict[Callable[..., None], type[TyperCommand]] = {export: ExportCommand}

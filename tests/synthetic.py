@@ -17,6 +17,7 @@ from pipeline.data.episode_writer import write_episode
 from pipeline.data.meta import CameraInfo, EpisodeMeta
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
+from pipeline.motion.target_motion import Segment, TargetMotion
 from pipeline.poses import Pose, compose, frame, pose
 from pipeline.world.visuals import CLEAN
 
@@ -110,6 +111,14 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
     )
 
 
+def make_motion(log: StateLog, level: int, alpha: float) -> TargetMotion:
+    """The straight motion of the target of a log made by `make_log`, up to the meeting in the middle of the log."""
+    duration = max(float(log.times[len(log) // 2]), 0.01)
+    start = log.pose("target")[0]
+    piece = Segment(0.0, duration, np.array([[start[0], SPEED * duration], [start[1], 0.0]]))
+    return TargetMotion(level, alpha, duration, 0.0, float(start[2]), start[3:], (piece,))
+
+
 def make_view(name: str, log: StateLog, camera_type: str, depth: bool, segmentation: bool) -> View:
     """The images of one camera for a log made by `make_log`."""
     kind = CAMERA_TYPES[camera_type]
@@ -178,7 +187,7 @@ def make_episode(
     episode = Episode(
         spec=EpisodeSpec(task, embodiment, level, alpha, domain, slot, seed),
         log=log,
-        motion='{"kind":"linear"}',
+        motion=make_motion(log, level, alpha).to_json(),
         instructions=instructions
         or {"seen": [f"{words} with the left arm", f"please {words}", f"{words} now"], "unseen": [f"go and {words}"]},
         meta=make_meta(log, fps, views, **(meta or {})),

@@ -6,7 +6,6 @@ annotation key and a checksum of its content, and counts as done only where both
 
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,27 +13,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.keys import AnnotateError, digest
+from pipeline.annotate.keys import AnnotateError
+from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, checksum, read_entry, stages_of
 from pipeline.data.atomic import atomic_path, write_atomic
-from pipeline.data.episode import INFLATION
-from pipeline.data.keys import arrays_digest, canonical
+from pipeline.data.keys import canonical
 
 GZIP_LEVEL = 1
 CHUNK_BYTES = 1 << 20
-
-
-class CorruptAnnotation(Exception):
-    """An annotation file that cannot be read or whose content is not what was written; the message names the file."""
-
-
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """One annotation file: its full key, its arrays (first axis = absolute frame), plain attributes, and the content checksum."""
-
-    key: str
-    arrays: Mapping[str, NDArray[Any]]
-    attributes: Mapping[str, Any]
-    checksum: str
 
 
 def episode_paths(dataset: Path) -> list[Path]:
@@ -43,16 +28,6 @@ def episode_paths(dataset: Path) -> list[Path]:
     if not root.is_dir():
         raise AnnotateError(f"{dataset} is no dataset: it has no episodes directory")
     return sorted(p.relative_to(root) for p in root.rglob("episode_*.hdf5"))
-
-
-def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
-    """File of one episode (relative path as from `episode_paths`) in a stage's directory such as "flow@0a1b2c3d"."""
-    return Path(dataset) / "annotations" / directory / episode.with_suffix(".h5")
-
-
-def checksum(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> str:
-    """sha256 of what an entry holds: its arrays and its attributes."""
-    return digest([arrays_digest(arrays), canonical(dict(attributes)).decode()])
 
 
 def write_entry(
@@ -74,26 +49,6 @@ def write_entry(
                 frames = max(1, min(len(a), CHUNK_BYTES * len(a) // a.nbytes))
                 options = {"chunks": (frames, *a.shape[1:]), "compression": "gzip", "compression_opts": GZIP_LEVEL}
             f.create_dataset(name, data=a, track_times=False, **options)
-    return entry
-
-
-def read_entry(path: Path) -> Entry:
-    """Read an annotation whole and check it. Raises FileNotFoundError, or CorruptAnnotation for a damaged file."""
-    if not path.is_file():
-        raise FileNotFoundError(path)
-    try:
-        with h5py.File(path, "r") as f:
-            claimed = sum(item.nbytes for item in f.values() if isinstance(item, h5py.Dataset))
-            if claimed > INFLATION * path.stat().st_size:
-                raise ValueError(f"claims {claimed} bytes, more than the file can hold")
-            arrays = {str(name): np.asarray(f[name]) for name in f}
-            attributes = json.loads(str(f.attrs["attributes"]))
-            entry = Entry(str(f.attrs["key"]), arrays, attributes, str(f.attrs["checksum"]))
-    # h5py answers damage with any of these, depending on which byte it is
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeError, MemoryError) as error:
-        raise CorruptAnnotation(f"{path}: cannot be read ({error}); run annotate again to recompute it") from error
-    if checksum(arrays, attributes) != entry.checksum:
-        raise CorruptAnnotation(f"{path}: content does not match its checksum; run annotate again to recompute it")
     return entry
 
 
@@ -127,12 +82,6 @@ def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -
     write_atomic(path, text.encode())
 
 
-def stages_of(dataset: Path) -> dict[str, dict[str, Any]]:
-    """Stage directories that a dataset has: directory name -> content of its stage.json, sorted by name."""
-    found = sorted((Path(dataset) / "annotations").glob("*@*/stage.json"))
-    return {path.parent.name: json.loads(path.read_text()) for path in found}
-
-
 def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
     """The one stage directory with that name whose parameters have the given values, e.g. `find_stage(out, "flow", stride=4)`.
 
@@ -158,3 +107,20 @@ def load(dataset: Path, directory: str, episode: Path, names: Collection[str] | 
         return dict(read_entry(path).arrays)
     with h5py.File(path, "r") as f:
         return {name: np.asarray(f[name]) for name in names}
+
+
+__all__ = [
+    "CorruptAnnotation",
+    "Entry",
+    "annotation_path",
+    "check_entry",
+    "checksum",
+    "entry_header",
+    "episode_paths",
+    "find_stage",
+    "load",
+    "read_entry",
+    "stages_of",
+    "write_entry",
+    "write_stage",
+]

@@ -84,13 +84,14 @@ def _described(flags: Mapping[str, Mapping[str, bool]]) -> str:
 def export(
     ctx: typer.Context,
     dataset: Root,
-    format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin or parquet.")],
+    format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin, parquet, dynamicwam, puma-gt.")],
     out: Annotated[Path | None, typer.Option(help="Where to write.", show_default="DATASET/exports/FORMAT")] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a dataset in another format."""
     from pipeline.export import EXPORTERS, Job, parse_options
+    from pipeline.report.card import describe
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:
@@ -107,7 +108,8 @@ def export(
         )
     place, processes = out or source.exports(format_), executor_of("ray", workers)[1]
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
-        job = Job(source.root, place, sorted(episodes), options, bar.update, processes)
+        describing = describe(source.root, sorted(episodes))
+        job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing)
         values = exporter.export(job)
     warn_of_stale(source, recipe)
     say(values, as_json, f"{len(episodes)} episodes written to {place}")

@@ -1,11 +1,12 @@
 """The contract of an export format: one class, its options, and the registry that `export` and `verify` look formats up in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from pipeline.export.card import write_card
 from pipeline.export.common import SUMMARY, ExportError, Progress, read_summary, size_of, write_json
 from pipeline.export.options import NoOptions
 from pipeline.registry import Registry
@@ -16,6 +17,8 @@ class Job[O]:
     """One export: the dataset's root, where to write, the episode files, the options of the format.
 
     `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
+    `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
+    only what the summary does.
     """
 
     dataset: Path
@@ -24,6 +27,7 @@ class Job[O]:
     options: O
     progress: Progress = None
     workers: int = 1
+    describe: Callable[[Path, Mapping[str, Any]], str] | None = None
 
     def advance(self) -> None:
         """Say that one more episode is written."""
@@ -53,11 +57,18 @@ class Exporter[O](ABC):
         """
 
     def summarize(self, folder: Path, job: Job[O], values: dict[str, Any]) -> dict[str, Any]:
-        """Write export.json: format, options, `values` and the bytes of all files. Returns what it says."""
+        """Write the card and export.json: format, options, `values` and the bytes of all files. Returns what export.json says."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
-        summary = {"format": self.name, "options": options, **values, "bytes": size_of(folder)}
+        summary = {"format": self.name, "options": options, **values}
+        write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
+        summary["bytes"] = size_of(folder)
         write_json(folder / SUMMARY, summary)
         return summary
+
+    def configs(self, folder: Path) -> list[dict[str, Any]]:
+        """What the front matter of the card says about data files, so that `datasets.load_dataset` finds them; [] for a format that
+        it cannot read. `folder` holds all but the card."""
+        return []
 
     def options_of(self, out: Path) -> O:
         """The options an export was made with. Raises ExportError where its export.json cannot be read."""

@@ -93,6 +93,12 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
             values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
             return self.summarize(folder, job, values | {"fps": {name: p["fps"] for name, p in parts.items()}})
 
+    def configs(self, folder: Path) -> list[dict[str, Any]]:
+        """One configuration a dataset; none where there is one only, whose card lerobot has written."""
+        roots = [path.parent.parent for path in sorted(folder.rglob("meta/info.json"))]
+        names = [root.relative_to(folder).as_posix() for root in roots if root != folder]
+        return [{"config_name": name.replace("/", "-"), "data_files": f"{name}/data/*/*.parquet"} for name in names]
+
 
 class Writer:
     """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""

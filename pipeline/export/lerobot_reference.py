@@ -15,10 +15,8 @@ from typing import Any
 import pyarrow as pa
 
 from pipeline.data.errors import DominoError
+from pipeline.export.card import LICENSE, PAPER, TAGS, size_category
 from pipeline.export.stats import Stats
-
-PAPER = "https://arxiv.org/abs/2603.15620"
-SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"), (10_000_000, "1M<n<10M"))
 
 
 class MissingLerobot(DominoError):
@@ -66,12 +64,12 @@ def write_card(root: Path, description: str, frames: int, dataset: Any = None) -
     """
     _, _, utils = _lerobot()
     card = utils.create_lerobot_dataset_card(
-        tags=["domino", "simulation", "dynamic-manipulation"],
+        tags=list(TAGS),
         dataset_info=dataset,
-        license="apache-2.0",
+        license=LICENSE,
         paper=PAPER,
         url=PAPER,
         dataset_description=description,
     )
-    card.data.size_categories = [next((name for limit, name in SIZES if frames < limit), "10M<n<100M")]
+    card.data.size_categories = [size_category(frames)]
     (root / "README.md").write_text(str(card))

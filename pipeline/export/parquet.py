@@ -1,53 +1,45 @@
-"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, one row group an episode.
+"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined; columns in docs/formats.md.
 
-    data-00000.parquet ...   about FILE_BYTES each
+    data-00000.parquet ...   about FILE_BYTES each; a row group holds one episode, or a part of one of GROUP_BYTES
     episodes.parquet         one row an episode: `provenance.PROVENANCE_SCHEMA`
+    README.md                the card; its front matter names both as configurations of the dataset
     export.json              the summary
 
 `state` and `action` are lists of the embodiment's own width; their joint names are in the schema metadata, key "domino".
-An image is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset("parquet", data_files=...)` with
-"OUT/data-*.parquet" decodes them; everything else reads the bytes.
+An image is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset(OUT)` decodes them; everything else reads
+the bytes.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.data.episode import EpisodeFile
+from pipeline.export.annotations import IMAGE, Joined, joined_of
 from pipeline.export.common import (
     EXPORT_FAULTS,
     ExportError,
     Facts,
-    event_frames,
     exported_cameras,
     judging,
     ordered,
     read_facts,
+    read_summary,
     reading,
     same,
     staged,
 )
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import camera_names_option, option, whole
+from pipeline.export.parquet_table import CONSTANTS, Plan, episode_table
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 
 FILE_BYTES = 200 * 1024 * 1024
-IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})  # what Hugging Face datasets stores an image as
-VECTORS = ("state", "action", "target_pose", "target_velocity", "tcp_left", "tcp_right")
-CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64(), "alpha": pa.float64(), "domain": pa.string()} | {
-    "slot": pa.int64(),
-    "seed": pa.int64(),
-    "physics_id": pa.string(),
-    "variant": pa.int64(),
-    "instruction": pa.string(),
-}
+GROUP_BYTES = 64 * 1024 * 1024  # the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
 
 
 @dataclass(frozen=True)
@@ -55,63 +47,9 @@ class ParquetOptions:
     """Options of the Parquet format: a new file begins when one has reached `file_bytes`."""
 
     file_bytes: int = option("bytes after which another file begins", whole(1), FILE_BYTES)
+    group_bytes: int = option("bytes of images and annotations that a row group does not exceed", whole(1), GROUP_BYTES)
+    annotations: str = option("annotations to join: all, none, or directories like flow@0a1b2c3d,masks@...", str, "all")
     camera_names: Mapping[str, str] = camera_names_option()
-
-
-def image_columns(facts: Facts, options: ParquetOptions) -> dict[str, str]:
-    """Camera -> column of its JPEG bytes: "left_camera" -> "image_cam_left_wrist"."""
-    return {camera: f"image_{name}" for camera, name in exported_cameras(facts, options.camera_names).items()}
-
-
-def _schema(fps: int, columns_of_images: Sequence[str], names: dict[str, list[str]]) -> pa.Schema:
-    """The schema with fps, joint names by embodiment and the Hugging Face feature of every column in its metadata."""
-    columns: dict[str, pa.DataType] = {"episode_index": pa.int64(), "frame_index": pa.int64(), "timestamp": pa.float64()}
-    columns |= CONSTANTS
-    columns |= dict.fromkeys(VECTORS, pa.list_(pa.float32()))
-    columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
-    columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
-    images = dict.fromkeys(columns_of_images, IMAGE)
-    schema = pa.schema([*columns.items(), *images.items()])
-    features = {field.name: _feature(field.type) for field in schema}
-    metadata = {
-        "huggingface": json.dumps({"info": {"features": features}}),
-        "domino": json.dumps({"fps": fps, "cameras": list(columns_of_images), "names": names}, sort_keys=True),
-    }
-    return schema.with_metadata(metadata)
-
-
-def _feature(kind: pa.DataType) -> dict[str, Any]:
-    """The Hugging Face feature of an Arrow type."""
-    if kind == IMAGE:
-        return {"_type": "Image"}
-    if isinstance(kind, pa.ListType):
-        return {"feature": _feature(kind.value_type), "_type": "List"}
-    return {"dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)), "_type": "Value"}
-
-
-def _table(index: int, facts: Facts, file: EpisodeFile, images: Mapping[str, str], schema: pa.Schema) -> pa.Table:
-    frames, log = len(facts), facts.log
-    spec = {name: value for name, value in vars(facts.spec).items() if name in CONSTANTS}
-    spec |= {"physics_id": facts.meta.physics_id, "variant": facts.meta.variant, "instruction": facts.instruction}
-    columns: dict[str, Any] = {name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()}
-    columns["episode_index"] = np.full(frames, index)
-    columns["frame_index"] = np.arange(frames)
-    columns["timestamp"] = log.times - log.times[0]
-    values = (log.state, log.action, facts.target, log.target_velocity, log.tcp[:, 0], log.tcp[:, 1])
-    for name, value in zip(VECTORS, values, strict=True):
-        columns[name] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
-    names: list[list[str]] = [[] for _ in range(frames)]
-    times: list[list[float]] = [[] for _ in range(frames)]
-    for frame, name, time in event_frames(facts):
-        names[frame].append(name)
-        times[frame].append(time - float(log.times[0]))
-    columns["events"], columns["event_times"] = names, times
-    columns["is_first"] = np.arange(frames) == 0
-    columns["is_last"] = np.arange(frames) == frames - 1
-    for camera, column in images.items():
-        coded = file.array(f"observation/{camera}/rgb").tolist()
-        columns[column] = pa.array([{"bytes": jpeg, "path": None} for jpeg in coded], IMAGE)
-    return pa.table({name: columns[name] for name in schema.names}, schema=schema)
 
 
 @register
@@ -126,11 +64,8 @@ class Parquet(Exporter[ParquetOptions]):
         paths = ordered(job.episodes)
         with staged(job.out, job.dataset) as folder:
             firsts = _firsts(paths, job.dataset)
-            reference = next(iter(firsts.values()))
-            images = image_columns(reference, job.options)
-            names = {name: list(f.log.vector_names) for name, f in firsts.items()}
-            schema = _schema(reference.fps, list(images.values()), names)
-            files = _Files(folder, schema, list(images.values()), job.options.file_bytes)
+            plan = _plan(firsts, job.options, joined_of(job.dataset, job.options.annotations, job.options.camera_names))
+            files = _Files(folder, plan, job.options)
             rows = Provenance(folder / PROVENANCE)
             frames = 0
             with closing(rows), closing(files):
@@ -138,13 +73,25 @@ class Parquet(Exporter[ParquetOptions]):
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset)
                         same(firsts[facts.spec.embodiment], facts)
-                        table = _table(index, facts, file, images, schema)
+                        table = episode_table(index, facts, file, plan, job.dataset)
                     files.write(table)
                     frames += len(table)
                     rows.append(facts)
                     job.advance()
-            values = {"episodes": len(paths), "frames": frames, "files": files.count, "fps": reference.fps}
-            return self.summarize(folder, job, values | {"embodiments": sorted(firsts)})
+            values = {
+                "episodes": len(paths),
+                "frames": frames,
+                "files": files.count,
+                "fps": plan.fps,
+                "embodiments": sorted(firsts),
+            }
+            return self.summarize(folder, job, values | {"annotations": [one.directory for one in plan.joined]})
+
+    def configs(self, folder: Path) -> list[dict[str, Any]]:
+        return [
+            {"config_name": "frames", "data_files": "data-*.parquet", "default": True},
+            {"config_name": "episodes", "data_files": PROVENANCE},
+        ]
 
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
         """Every value and every byte of the images must be the episode's."""
@@ -153,45 +100,78 @@ class Parquet(Exporter[ParquetOptions]):
         problems: list[str] = []
         try:
             options = self.options_of(out)
-            groups = [(f, i) for f in files for i in range(pq.read_metadata(f).num_row_groups)]
+            chosen = ",".join(read_summary(out)["annotations"]) or "none"
+            plan = _plan(_firsts(paths, dataset), options, joined_of(dataset, chosen, options.camera_names))
+            groups = [group for file in files for group in _groups(file)]
         except (*EXPORT_FAULTS, ExportError, pa.ArrowException) as error:
             return [f"{out}: cannot be read ({' '.join(str(error).split())})"]
-        if len(groups) != len(paths):
-            problems.append(f"{out}: has {len(groups)} row groups for {len(paths)} episodes")
-        for index, (path, (name, group)) in enumerate(zip(paths, groups, strict=False)):
+        for index, path in enumerate(paths):
             with reading(path) as file:
                 facts = read_facts(file, dataset)
-                where = f"{name}, row group {group}"
-                with judging(name, problems):
-                    with pq.ParquetFile(name) as source:
-                        got = source.read_row_group(group)
-                    want = _table(index, facts, file, image_columns(facts, options), got.schema)
-                    if len(got) != len(want):
-                        problems.append(f"{where}: {len(got)} rows for {len(want)} frames of {path}")
+                mine = _take(groups, len(facts))
+                if not mine:
+                    problems.append(f"{out}: no row groups hold the {len(facts)} frames of {path}")
+                    break
+                where = f"{mine[0][0]}, row group {mine[0][1]}"
+                with judging(mine[0][0], problems):
+                    try:
+                        want = episode_table(index, facts, file, plan, dataset)
+                    except ExportError as error:
+                        problems.append(str(error))
                         continue
-                    differ = [c for c in want.column_names if not got[c].equals(want[c])]
+                    got = pa.concat_tables([pq.ParquetFile(name).read_row_group(group) for name, group in mine])
+                    alike = got.column_names == want.column_names
+                    differ = [c for c in want.column_names if not (alike and got[c].equals(want[c]))]
                     problems += [f"{where}: column {c} differs from {path}" for c in differ]
+        if groups:
+            problems.append(f"{out}: has {len(groups)} row groups that belong to no episode")
         with judging(out / PROVENANCE, problems):
             problems += check_provenance(out / PROVENANCE, dataset, paths)
         return problems
 
 
+def _groups(file: Path) -> list[tuple[Path, int, int]]:
+    """File, number and rows of every row group of a file."""
+    metadata = pq.read_metadata(file)
+    return [(file, i, metadata.row_group(i).num_rows) for i in range(metadata.num_row_groups)]
+
+
+def _take(groups: list[tuple[Path, int, int]], rows: int) -> list[tuple[Path, int]]:
+    """The first row groups, taken from the list, that have so many rows together; [] where none have."""
+    taken = []
+    while groups and rows > 0:
+        name, group, count = groups.pop(0)
+        taken.append((name, group))
+        rows -= count
+    return taken if rows == 0 else []
+
+
+def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, joined: Sequence[Joined]) -> Plan:
+    reference = next(iter(firsts.values()))
+    names = {name: list(f.log.vector_names) for name, f in firsts.items()}
+    return Plan(reference.fps, exported_cameras(reference, options.camera_names), names, joined)
+
+
 class _Files:
     """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `limit` bytes."""
 
-    def __init__(self, folder: Path, schema: pa.Schema, images: list[str], limit: int) -> None:
-        self.folder, self.schema, self.limit, self.count = folder, schema, limit, 0
-        # JPEG bytes neither compress nor repeat
-        codecs = {name: "ZSTD" for name in schema.names if name not in images} | {f"{name}.bytes": "NONE" for name in images}
-        self.options: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
+    def __init__(self, folder: Path, plan: Plan, options: ParquetOptions) -> None:
+        self.folder, self.schema, self.options, self.count = folder, plan.schema(), options, 0
+        coded = [field.name for field in self.schema if field.type == IMAGE]
+        # JPEG and PNG bytes neither compress nor repeat
+        codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {f"{name}.bytes": "NONE" for name in coded}
+        self.settings: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
+        # pages end where the content says, so that a store that keeps equal pieces once keeps what has not changed
+        self.settings |= {"use_content_defined_chunking": True}
         self._writer: pq.ParquetWriter | None = None
 
     def write(self, table: pa.Table) -> None:
         if self._writer is None:
-            self._writer = pq.ParquetWriter(self.folder / f"data-{self.count:05d}.parquet", self.schema, **self.options)
+            self._writer = pq.ParquetWriter(self.folder / f"data-{self.count:05d}.parquet", self.schema, **self.settings)
             self.count += 1
-        self._writer.write_table(table, row_group_size=len(table))
-        if (self.folder / f"data-{self.count - 1:05d}.parquet").stat().st_size >= self.limit:
+        groups = max(1, -(-table.nbytes // self.options.group_bytes))
+        self._writer.write_table(table, row_group_size=max(1, -(-len(table) // groups)))
+        if (self.folder / f"data-{self.count - 1:05d}.parquet").stat().st_size >= self.options.file_bytes:
             self.close()
 
     def close(self) -> None:

@@ -8,19 +8,22 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.data.names import SIDES
 from pipeline.data.state_log import StateLog
 from pipeline.export.common import Facts, read_facts, reading
+from pipeline.export.meetings import interception
 
 
 def scalars(facts: Facts) -> dict[str, Any]:
     """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
 
     Rows of one `physics_id` show the same physics in other looks: no split may separate them.
-    T_meet is the planned meeting, t_meeting, t_release and t_success when these happened, all in s since the first frame, None for
-    what did not happen; speeds are the target's, in m/s along its planned motion.
+    T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
+    t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
+    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion.
     """
-    spec, log, meta = facts.spec, facts.log, facts.meta
-    arms = meta.arms
+    spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
+    arms, first = meta.arms, derived.first_contacts
     return {
         "task": spec.task,
         "category": meta.category,
@@ -31,7 +34,10 @@ def scalars(facts: Facts) -> dict[str, Any]:
         "slot": spec.slot,
         "seed": spec.seed,
         "T_meet": meta.meeting_time,
+        **dict(zip(("x_meet", "y_meet", "z_meet"), derived.planned_position.tolist(), strict=True)),
+        "t_motion_start": float(derived.motion_start - log.times[0]),
         **{f"t_{event}": _time(log, event) for event in ("meeting", "release", "success")},
+        **{f"t_contact_{side}": float(first[side].time - log.times[0]) if side in first else None for side in SIDES},
         "average_speed": meta.average_speed,
         "maximum_speed": meta.maximum_speed,
         "physics_id": meta.physics_id,
@@ -54,6 +60,7 @@ SCALAR_TYPES = {
     "physics_id": pa.string(),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
     **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),
+    **dict.fromkeys(("x_meet", "y_meet", "z_meet", "t_motion_start", "t_contact_left", "t_contact_right"), pa.float64()),
 }
 
 TEXTS = pa.list_(pa.string())

@@ -8,8 +8,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from pipeline.annotate.masks import pack
+from pipeline.annotate.store import annotation_path, write_entry, write_stage
+from pipeline.data.cameras import project
 from pipeline.data.episode import open_episode
-from pipeline.export import check_exports
+from pipeline.export import ExportError, check_exports
 from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode
 
@@ -78,8 +81,9 @@ def test_hugging_face_datasets_and_pandas_read_it_offline(tmp_path, episodes, mo
     monkeypatch.setattr(datasets.config, "HF_DATASETS_CACHE", tmp_path / "cache")
     monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
     run("parquet", tmp_path, tmp_path / "out", episodes)
-    loaded = datasets.load_dataset("parquet", data_files=str(tmp_path / "out" / "data-*.parquet"), split="train")
+    loaded = datasets.load_dataset(str(tmp_path / "out"), split="train")
     assert len(loaded) == 14
+    assert [row["length"] for row in datasets.load_dataset(str(tmp_path / "out"), "episodes", split="train")] == [5, 6, 3]
     picture = np.asarray(loaded[0]["image_cam_high"])
     assert 1200 < (np.abs(picture.astype(int) - COLORS["head_camera"]).max(-1) < 25).sum() <= 1700
     frame = loaded.to_pandas()
@@ -110,3 +114,84 @@ def test_check_sees_a_changed_value(tmp_path, episodes):
     assert len(problems) == 1 and "data-00000.parquet, row group 0: column action differs from" in problems[0]
     file.write_bytes(file.read_bytes()[:1000])
     assert len(check_exports(tmp_path, out, "parquet", episodes)) == 1
+
+
+def test_tracks_contacts_and_physics_steps_are_those_of_the_log(tmp_path, episodes):
+    run("parquet", tmp_path, tmp_path / "out", episodes)
+    rows = pq.read_table(tmp_path / "out" / "data-00000.parquet", filters=[("episode_index", "=", 1)]).to_pylist()
+    with open_episode(sorted(episodes)[1]) as e:
+        camera = e.meta.drawing.cameras["head_camera"].camera("head_camera")
+        uv, depth = project(camera.type, e.array("observation/head_camera/pose")[3], e.array("target/pose")[3, :3])
+        np.testing.assert_allclose(rows[3]["target_track_cam_high"], [*uv, depth, 1], rtol=1e-6)
+        np.testing.assert_allclose(rows[3]["camera_pose_cam_left_wrist"], e.array("observation/left_camera/pose")[3], rtol=1e-6)
+    assert [r["sim_step"] for r in rows] == [16 * t for t in range(6)]
+    # the synthetic contact: target and left hand, in the middle
+    assert [r["contact_target"] for r in rows] == [[t == 3, False] for t in range(6)]
+
+
+def annotated(tmp_path, episode, frames):
+    """A flow and a mask annotation of the head camera, known by heart, for one episode of the dataset."""
+    relative = episode.relative_to(tmp_path / "episodes")
+    rng = np.random.default_rng(0)
+    flow = {"flow": rng.normal(size=(frames, 4, 5, 2)).astype(np.float16), "rgb": rng.integers(0, 255, (frames, 4, 5, 3), np.uint8)}
+    flow |= {"scale": rng.random(frames).astype(np.float32), "previous": np.maximum(np.arange(frames) - 4, 0)}
+    mask = rng.random((frames, 2, 6, 7)) > 0.5
+    masks = {"mask": pack(mask), "box": np.ones((frames, 2, 4), np.float32), "score": np.ones((frames, 2), np.float32)}
+    masks |= {"area": mask.sum((2, 3)), "valid": mask.any((2, 3))}
+    said = {"objects": ["target", "other"], "height": 6, "width": 7}
+    for directory, stage, arrays, attributes in (("flow@00000001", "flow", flow, {}), ("masks@00000002", "masks", masks, said)):
+        write_stage(tmp_path, directory, {"stage": stage, "version": 1, "parameters": {"camera": "head_camera", "source": "sim"}})
+        write_entry(annotation_path(tmp_path, directory, relative), "key", arrays, attributes)
+    return flow, mask
+
+
+def coco_decode(counts, height, width):
+    """COCO's rule: runs of zeros and ones in turn, down the columns."""
+    return np.repeat(np.arange(len(counts)) % 2, counts).reshape(width, height).T.astype(bool)
+
+
+def test_annotations_are_joined_where_there_are_some(tmp_path, episodes):
+    first, second, _ = sorted(episodes)
+    flow, mask = annotated(tmp_path, first, 5)
+    out = tmp_path / "out"
+    assert run("parquet", tmp_path, out, episodes)["annotations"] == ["flow@00000001", "masks@00000002"]
+    table = pq.read_table(out / "data-00000.parquet")
+    rows = table.filter(pa.compute.equal(table["episode_index"], 0)).to_pylist()
+    for t, row in enumerate(rows):
+        np.testing.assert_array_equal(np.frombuffer(row["flow_cam_high"], "<f2").reshape(4, 5, 2), flow["flow"][t])
+        png = cv2.imdecode(np.frombuffer(row["flow_rgb_cam_high"]["bytes"], np.uint8), cv2.IMREAD_COLOR)
+        np.testing.assert_array_equal(png[..., ::-1], flow["rgb"][t])
+        assert row["flow_scale_cam_high"] == flow["scale"][t] and row["flow_previous_cam_high"] == max(t - 4, 0)
+        for k, name in enumerate(("target", "other")):
+            got = row["masks_cam_high"][k]
+            assert got["object"] == name and got["area"] == mask[t, k].sum()
+            np.testing.assert_array_equal(coco_decode(got["counts"], got["height"], got["width"]), mask[t, k])
+    others = table.filter(pa.compute.greater(table["episode_index"], 0))
+    assert others["masks_cam_high"].null_count == others["flow_rgb_cam_high"].null_count == len(others) == 9
+    assert check_exports(tmp_path, out, "parquet", episodes) == []
+    assert "flow_cam_high" not in pq.read_schema(_without(tmp_path, episodes)).names
+    write_entry(annotation_path(tmp_path, "flow@00000001", second.relative_to(tmp_path / "episodes")), "key", flow, {})
+    with pytest.raises(ExportError, match=r"flow@00000001.*not of the 6 frames"):
+        run("parquet", tmp_path, out, episodes)
+
+
+def _without(tmp_path, episodes):
+    run("parquet", tmp_path, tmp_path / "plain", episodes, annotations="none")
+    return tmp_path / "plain" / "data-00000.parquet"
+
+
+def test_two_annotations_of_one_kind_carry_their_digits(tmp_path, episodes):
+    annotated(tmp_path, episodes[0], 3)
+    write_stage(tmp_path, "flow@000000ff", {"stage": "flow", "version": 1, "parameters": {"camera": "head_camera"}})
+    run("parquet", tmp_path, tmp_path / "out", episodes)
+    names = set(pq.read_schema(tmp_path / "out" / "data-00000.parquet").names)
+    assert {"flow_cam_high_00000001", "flow_rgb_cam_high_000000ff", "masks_cam_high"} <= names
+    with pytest.raises(ExportError, match="there is no flow@11111111; there are: flow@00000001"):
+        run("parquet", tmp_path, tmp_path / "out", episodes, annotations="flow@11111111")
+
+
+def test_a_large_episode_is_several_row_groups(tmp_path, episodes):
+    out = tmp_path / "out"
+    run("parquet", tmp_path, out, episodes, group_bytes=30_000)
+    assert pq.read_metadata(out / "data-00000.parquet").num_row_groups > 3
+    assert check_exports(tmp_path, out, "parquet", episodes) == []

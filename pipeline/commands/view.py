@@ -1,0 +1,47 @@
+"""view: look through a dataset in a browser."""
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from tqdm import tqdm
+
+from pipeline.commands.common import AsJson, Root, UsageError, say
+from pipeline.data.dataset import Dataset
+
+PAGES = 30
+
+
+def view(
+    dataset: Root,
+    out: Annotated[Path | None, typer.Option(help="Directory of the pages.", show_default="DATASET/report/view")] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes on the offline page, spread over the dataset.")] = PAGES,
+    serve: Annotated[bool, typer.Option("--serve", help="Show all episodes from a server on this machine instead.")] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 takes a free one.")] = 0,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write pages that show episodes, cameras in step with curves and events, or serve them; works without a network."""
+    from pipeline.report.viewer import choose, viewer_server, write_viewer
+
+    source = Dataset(dataset)
+    there = sorted(source.intact_episodes(source.recipe()))
+    if not there:
+        raise UsageError(f"{dataset} has no finished episodes to show")
+    if serve:
+        with viewer_server(source.root, there, port) as server:
+            address = f"http://{server.server_address[0]}:{server.server_address[1]}/"
+            say({"address": address}, as_json, f"{address}  (Ctrl-C ends it)")
+            if open_:
+                webbrowser.open(address)
+            try:
+                server.serve_forever()
+            except KeyboardInterrupt:
+                return
+    chosen = choose(there, episodes)
+    with tqdm(total=len(chosen), unit="ep", disable=as_json or None) as bar:
+        page = write_viewer(source.root, chosen, out or source.report.parent / "view", len(there), bar.update)
+    say({"page": str(page), "episodes": len(chosen)}, as_json, str(page))
+    if open_ and not webbrowser.open(page.resolve().as_uri()):
+        raise UsageError(f"no browser could be opened: open {page} by hand")

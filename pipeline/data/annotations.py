@@ -1,0 +1,69 @@
+"""Annotations as stored: OUT/annotations/<stage>@<key8>/<path of the episode>.h5 and a stage.json with the full parameters.
+
+One file per episode and stage; arrays are indexed by absolute frame. A file carries its full annotation key and a checksum of its
+content. pipeline/annotate makes them; whatever reads them needs only this.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode import INFLATION
+from pipeline.data.keys import arrays_digest, canonical
+
+
+class CorruptAnnotation(Exception):
+    """An annotation file that cannot be read or whose content is not what was written; the message names the file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One annotation file: its full key, its arrays (first axis = absolute frame), plain attributes, and the content checksum."""
+
+    key: str
+    arrays: Mapping[str, NDArray[Any]]
+    attributes: Mapping[str, Any]
+    checksum: str
+
+
+def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
+    """File of one episode (relative path as from `episode_paths`) in a stage's directory such as "flow@0a1b2c3d"."""
+    return Path(dataset) / "annotations" / directory / episode.with_suffix(".h5")
+
+
+def checksum(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> str:
+    """sha256 of what an entry holds: its arrays and its attributes."""
+    return hashlib.sha256(canonical([arrays_digest(arrays), canonical(dict(attributes)).decode()])).hexdigest()
+
+
+def read_entry(path: Path) -> Entry:
+    """Read an annotation whole and check it. Raises FileNotFoundError, or CorruptAnnotation for a damaged file."""
+    if not path.is_file():
+        raise FileNotFoundError(path)
+    try:
+        with h5py.File(path, "r") as f:
+            claimed = sum(item.nbytes for item in f.values() if isinstance(item, h5py.Dataset))
+            if claimed > INFLATION * path.stat().st_size:
+                raise ValueError(f"claims {claimed} bytes, more than the file can hold")
+            arrays = {str(name): np.asarray(f[name]) for name in f}
+            attributes = json.loads(str(f.attrs["attributes"]))
+            entry = Entry(str(f.attrs["key"]), arrays, attributes, str(f.attrs["checksum"]))
+    # h5py answers damage with any of these, depending on which byte it is
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeError, MemoryError) as error:
+        raise CorruptAnnotation(f"{path}: cannot be read ({error}); run annotate again to recompute it") from error
+    if checksum(arrays, attributes) != entry.checksum:
+        raise CorruptAnnotation(f"{path}: content does not match its checksum; run annotate again to recompute it")
+    return entry
+
+
+def stages_of(dataset: Path) -> dict[str, dict[str, Any]]:
+    """Stage directories that a dataset has: directory name -> content of its stage.json, sorted by name."""
+    found = sorted((Path(dataset) / "annotations").glob("*@*/stage.json"))
+    return {path.parent.name: json.loads(path.read_text()) for path in found}

@@ -1,0 +1,52 @@
+"""The card of an export: README.md, whose front matter tells the hub what it is and `datasets.load_dataset` where its data are."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+CARD = "README.md"
+LICENSE = "apache-2.0"
+TAGS = ("domino", "robotics", "simulation", "dynamic-manipulation")
+PAPER = "https://arxiv.org/abs/2603.15620"
+SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"), (10_000_000, "1M<n<10M"))
+
+
+def size_category(rows: int) -> str:
+    """The hub's name for a number of rows."""
+    return next((name for limit, name in SIZES if rows < limit), "10M<n<100M")
+
+
+def front_matter(summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What the hub is told about an export; `configs` say where its data files are."""
+    front: dict[str, Any] = {
+        "license": LICENSE,
+        "pretty_name": f"Dynamic manipulation, {summary['episodes']} simulated episodes ({summary['format']})",
+        "task_categories": ["robotics"],
+        "tags": [*TAGS, summary["format"]],
+    }
+    if "frames" in summary:
+        front["size_categories"] = [size_category(summary["frames"])]
+    if configs:
+        front["configs"] = [dict(config) for config in configs]
+    return front
+
+
+def write_card(folder: Path, summary: Mapping[str, Any], configs: Sequence[Mapping[str, Any]], text: str) -> None:
+    """Write README.md, or add to the one that is there: its front matter stays, and what ours says beside it comes after."""
+    path = folder / CARD
+    front, before = read_card(path) if path.exists() else ({}, "")
+    front |= {key: value for key, value in front_matter(summary, configs).items() if key not in front}
+    text = text or f"# {front['pretty_name']}\n"
+    parts = [part.strip("\n") for part in (before, text) if part.strip()]
+    path.write_text(f"---\n{yaml.safe_dump(front, sort_keys=False, allow_unicode=True)}---\n\n" + "\n\n".join(parts) + "\n")
+
+
+def read_card(path: Path) -> tuple[dict[str, Any], str]:
+    """Front matter and text of a card. Raises ValueError for one without front matter, OSError where there is none."""
+    begin, sign, rest = path.read_text().partition("---\n")
+    front, end, text = rest.partition("\n---\n")
+    if begin.strip() or not sign or not end:
+        raise ValueError(f"{path}: has no front matter")
+    return dict(yaml.safe_load(front)), text.strip("\n") + "\n"

@@ -1,0 +1,164 @@
+"""The files that DynamicWAM's converter reads: the RoboTwin layout with a group `interception` of schema 2.
+
+    <domain>/<task>/<embodiment>_L<level>_<domain>/
+      data/episode{i}.hdf5           as in format robotwin, JPEG in true RGB, and interception/<25 fields>, frames first
+      instructions/episode{i}.json   {"seen": [...], "unseen": [...]}
+      episodes.parquet               where each episode comes from
+
+Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened until then; where nothing has,
+steps and times are -1 and poses and points zero. Counts are those of touching links. The converter takes 14-wide vectors only.
+"""
+
+import json
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode import EpisodeFile
+from pipeline.data.names import HEAD, LEFT_WRIST, RIGHT_WRIST, SIDES
+from pipeline.data.spec import EpisodeSpec
+from pipeline.export.common import ExportError, Facts, grouped, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.exporter import Exporter, Job, register
+from pipeline.export.meetings import interception
+from pipeline.export.options import NoOptions
+from pipeline.export.provenance import Provenance
+from pipeline.export.robotwin import coded, configuration, episode_arrays
+from pipeline.motion.interception import Interception
+
+SCHEMA = 2
+WIDTH = 14
+CAMERAS = (HEAD, LEFT_WRIST, RIGHT_WRIST)
+CONTACT = "target_gripper_contact"
+
+
+def fields(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
+    """The 25 fields of the group, each with the frames as its first axis; arms in the order left, right."""
+    frames, log = len(facts), facts.log
+
+    def repeat(value: Any, dtype: type = np.float64) -> NDArray[Any]:
+        return np.repeat(np.asarray(value, dtype)[None], frames, 0)
+
+    start = derived.motion_start
+    grippers = [log.vector_names.index(f"{side}_gripper") for side in SIDES]
+    values = {
+        "schema_version": repeat(SCHEMA, np.int64),
+        "frame_index": np.arange(frames),
+        "sim_step_index": derived.steps,
+        "sim_time_seconds": derived.steps / derived.rate,
+        "sim_timestep_seconds": repeat(1 / derived.rate),
+        "motion_start_sim_step_index": repeat(round(start * derived.rate), np.int64),
+        "motion_start_sim_time_seconds": repeat(start + 0.0),
+        "planned_intercept_sim_time_seconds": repeat(facts.meta.meeting_time),
+        "planned_intercept_position": repeat(derived.planned_position),
+        "target_pose_wxyz": facts.target,
+        "target_contact_poses_wxyz": derived.grasp_pose()[:, None],
+        "ee_poses_wxyz": log.tcp,
+        "camera_poses_wxyz": np.stack([facts.camera_poses[camera] for camera in CAMERAS], axis=1),
+        "gripper_positions": log.state[:, grippers],
+        f"{CONTACT}_mask": derived.contact_pairs > 0,
+        f"{CONTACT}_centroids_world": derived.contact_centroids,
+        f"{CONTACT}_point_counts": derived.contact_pairs,
+        "stable_grasp_succeeded": np.logical_or.accumulate(derived.held.any(1)),
+    }
+    return values | _first(facts, derived)
+
+
+def _first(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
+    frames, arms = len(facts), len(SIDES)
+    valid = np.zeros((frames, arms), bool)
+    step, time = np.full((frames, arms), -1), np.full((frames, arms), -1.0)
+    counts = np.zeros((frames, arms), np.int64)
+    centroids, tcp, target = (np.zeros((frames, arms, width)) for width in (3, 7, 7))
+    for arm, side in enumerate(SIDES):
+        if contact := derived.first_contacts.get(side):
+            since = slice(int(np.searchsorted(derived.steps, contact.step)), None)
+            valid[since, arm], step[since, arm], time[since, arm] = True, contact.step, contact.time
+            counts[since, arm], centroids[since, arm] = contact.pairs, contact.centroid
+            tcp[since, arm], target[since, arm] = contact.tcp, contact.target
+    return {
+        f"first_{CONTACT}_valid": valid,
+        f"first_{CONTACT}_step_index": step,
+        f"first_{CONTACT}_time_seconds": time,
+        f"first_{CONTACT}_centroids_world": centroids,
+        f"first_{CONTACT}_point_counts": counts,
+        f"first_{CONTACT}_ee_poses_wxyz": tcp,
+        f"first_{CONTACT}_target_poses_wxyz": target,
+    }
+
+
+def _place(spec: EpisodeSpec) -> str:
+    return f"{spec.domain}/{configuration(spec)}"
+
+
+@register
+class Dynamicwam(Exporter[NoOptions]):
+    """One directory a cell below its domain, one HDF5 file an episode."""
+
+    name = "dynamicwam"
+    options = NoOptions
+
+    def export(self, job: Job[NoOptions]) -> dict[str, Any]:
+        """Write `job.out`. Raises ExportError for unreadable episodes, vectors that are not 14 wide, and missing cameras."""
+        with staged(job.out, job.dataset) as folder:
+            frames, groups = 0, grouped(job.episodes, _place)
+            for name, paths in groups.items():
+                for part in ("data", "instructions"):
+                    (folder / name / part).mkdir(parents=True)
+                first = None
+                with closing(Provenance(folder / name / "episodes.parquet")) as rows:
+                    for index, path in enumerate(paths):
+                        with reading(path) as file:
+                            facts = read_facts(file, job.dataset)
+                            first = first or facts
+                            same(first, facts)
+                            arrays = contents(file, facts)
+                        with h5py.File(folder / name / "data" / f"episode{index}.hdf5", "w", libver=("v110", "v110")) as f:
+                            f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = "rgb", facts.fps, facts.spec.to_json()
+                            make_groups(f, arrays)
+                            for key, values in arrays.items():
+                                f[key] = values
+                        said = {"seen": facts.seen, "unseen": facts.unseen}
+                        write_json(folder / name / "instructions" / f"episode{index}.json", said)
+                        frames += len(facts)
+                        rows.append(facts)
+                        job.advance()
+            values = {"episodes": len(job.episodes), "frames": frames, "configurations": list(groups)}
+            return self.summarize(folder, job, values)
+
+    def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
+        """Every array, the fields of the group and the bytes of the images must be those of the episode."""
+        problems = []
+        for name, paths in grouped(episodes, _place).items():
+            count = len(list((out / name / "data").glob("episode*.hdf5")))
+            problems += [f"{out / name}: has {count} episodes for {len(paths)}"] * (count != len(paths))
+            for index, path in enumerate(paths[:count]):
+                exported, words = out / name / "data" / f"episode{index}.hdf5", out / name / "instructions" / f"episode{index}.json"
+                with reading(path) as file:
+                    facts = read_facts(file, dataset)
+                    wanted = contents(file, facts)
+                try:
+                    with h5py.File(exported) as opened:
+                        f: Any = opened
+                        differ = [key for key, want in wanted.items() if not np.array_equal(f[key][()], want)]
+                    said = json.loads(words.read_text())
+                    differ += ["instructions"] * (said != {"seen": facts.seen, "unseen": facts.unseen})
+                    problems += [f"{exported}: {key} differs from {path}" for key in differ]
+                except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+                    problems.append(f"{exported}: cannot be read ({error})")
+        return problems
+
+
+def contents(file: EpisodeFile, facts: Facts) -> dict[str, NDArray[Any]]:
+    """Every array of an exported file by key. Raises ExportError for an episode that the converter would refuse."""
+    if len(facts.log.vector_names) != WIDTH:
+        raise ExportError(f"{facts.source}: vectors of {facts.spec.embodiment} are not {WIDTH} wide, which DynamicWAM needs")
+    if missing := sorted(set(CAMERAS) - set(facts.cameras)):
+        raise ExportError(f"{facts.source}: has no {missing[0]}, which DynamicWAM needs")
+    images = {f"observation/{camera}/rgb": coded(file, camera, "rgb") for camera in facts.cameras}
+    group = {f"interception/{name}": values for name, values in fields(facts, interception(facts)).items()}
+    return episode_arrays(file, facts) | images | group

@@ -1,0 +1,14 @@
+"""What is derived from the log of an exported episode."""
+
+from pipeline.export.common import ExportError, Facts
+from pipeline.motion.interception import Interception
+from pipeline.motion.target_motion import TargetMotion
+
+
+def interception(facts: Facts) -> Interception:
+    """The derived data of an episode. Raises ExportError where its motion cannot be read."""
+    try:
+        motion = TargetMotion.from_json(facts.motion)
+    except ValueError as error:
+        raise ExportError(f"{facts.source}: {error}") from error
+    return Interception(facts.meta, facts.log, motion, facts.target)

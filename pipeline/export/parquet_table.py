@@ -1,0 +1,112 @@
+"""The columns of the Parquet format: its schema, and the table of one episode."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.data.episode import EpisodeFile
+from pipeline.export.annotations import IMAGE, Joined, annotation_columns
+from pipeline.export.common import Facts, event_frames
+from pipeline.export.lerobot_format import contact_flags
+from pipeline.export.meetings import interception
+from pipeline.motion.interception import track
+
+VECTORS = ("state", "action", "target_pose", "target_velocity", "tcp_left", "tcp_right")
+FLAGS = ("contact_target", "contact_manipulated", "held")
+CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64(), "alpha": pa.float64(), "domain": pa.string()} | {
+    "slot": pa.int64(),
+    "seed": pa.int64(),
+    "physics_id": pa.string(),
+    "variant": pa.int64(),
+    "instruction": pa.string(),
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The columns of an export: fps, exported name by camera, joint names by embodiment, and the annotations that are joined."""
+
+    fps: int
+    cameras: Mapping[str, str]
+    names: Mapping[str, list[str]]
+    joined: Sequence[Joined]
+
+    @property
+    def images(self) -> dict[str, str]:
+        """Camera -> column of its JPEG bytes: "left_camera" -> "image_cam_left_wrist"."""
+        return {camera: f"image_{name}" for camera, name in self.cameras.items()}
+
+    def schema(self) -> pa.Schema:
+        """The schema; its metadata have fps, joint names, annotations and the Hugging Face feature of every column."""
+        columns: dict[str, pa.DataType] = {"episode_index": pa.int64(), "frame_index": pa.int64(), "timestamp": pa.float64()}
+        columns |= CONSTANTS
+        columns |= dict.fromkeys(VECTORS, pa.list_(pa.float32()))
+        columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
+        columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
+        columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
+        for name in self.cameras.values():
+            columns |= {f"{kind}_{name}": pa.list_(pa.float32()) for kind in ("camera_pose", "target_track")}
+        columns |= dict.fromkeys(self.images.values(), IMAGE)
+        for one in self.joined:
+            columns |= one.columns
+        schema = pa.schema(list(columns.items()))
+        described: dict[str, Any] = {"fps": self.fps, "cameras": list(self.images.values()), "names": dict(self.names)}
+        described["annotations"] = {
+            j.directory: {"stage": j.stage, "columns": list(j.columns), "parameters": dict(j.parameters)} for j in self.joined
+        }
+        metadata = {
+            "huggingface": json.dumps({"info": {"features": {field.name: _feature(field.type) for field in schema}}}),
+            "domino": json.dumps(described, sort_keys=True),
+        }
+        return schema.with_metadata(metadata)
+
+
+def _feature(kind: pa.DataType) -> dict[str, Any]:
+    """The Hugging Face feature of an Arrow type."""
+    if kind == IMAGE:
+        return {"_type": "Image"}
+    if isinstance(kind, pa.ListType):
+        return {"feature": _feature(kind.value_type), "_type": "List"}
+    if isinstance(kind, pa.StructType):
+        return {field.name: _feature(field.type) for field in kind}
+    return {"dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind)), "_type": "Value"}
+
+
+def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, dataset: Path) -> pa.Table:
+    frames, log, derived, schema = len(facts), facts.log, interception(facts), plan.schema()
+    spec = {name: value for name, value in vars(facts.spec).items() if name in CONSTANTS}
+    spec |= {"physics_id": facts.meta.physics_id, "variant": facts.meta.variant, "instruction": facts.instruction}
+    columns: dict[str, Any] = {name: pa.array([value] * frames, CONSTANTS[name]) for name, value in spec.items()}
+    columns["episode_index"] = np.full(frames, index)
+    columns["frame_index"] = np.arange(frames)
+    columns["timestamp"] = log.times - log.times[0]
+    values = (log.state, log.action, facts.target, log.target_velocity, log.tcp[:, 0], log.tcp[:, 1])
+    for name, value in zip(VECTORS, values, strict=True):
+        columns[name] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
+    names: list[list[str]] = [[] for _ in range(frames)]
+    times: list[list[float]] = [[] for _ in range(frames)]
+    for frame, name, time in event_frames(facts):
+        names[frame].append(name)
+        times[frame].append(time - float(log.times[0]))
+    columns["events"], columns["event_times"] = names, times
+    columns["is_first"] = np.arange(frames) == 0
+    columns["is_last"] = np.arange(frames) == frames - 1
+    columns["sim_step"] = derived.steps
+    flags = (contact_flags(facts, facts.meta.target), contact_flags(facts, facts.meta.manipulated), derived.held)
+    for name, value in zip(FLAGS, flags, strict=True):
+        columns[name] = pa.array(list(value.astype(bool)), pa.list_(pa.bool_()))
+    for camera, name in plan.cameras.items():
+        poses = facts.camera_poses[camera]
+        seen = track(facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3])
+        for kind, value in (("camera_pose", poses), ("target_track", seen)):
+            columns[f"{kind}_{name}"] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
+    columns |= annotation_columns(plan.joined, dataset, facts.source, frames)
+    for camera, column in plan.images.items():
+        coded = file.array(f"observation/{camera}/rgb").tolist()
+        columns[column] = pa.array([{"bytes": jpeg, "path": None} for jpeg in coded], IMAGE)
+    return pa.table({name: columns[name] for name in schema.names}, schema=schema)

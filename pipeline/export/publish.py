@@ -1,0 +1,154 @@
+"""Publishes an export on the Hugging Face hub: what would be sent and whether the hub takes it, then the upload itself.
+
+Limits are those that the hub states for repositories and for its viewer. The upload is huggingface_hub's own; given again, it sends
+only what is not there yet. Tokens are those of `hf auth login`; none is ever printed.
+"""
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.data.atomic import write_atomic
+from pipeline.export.card import CARD, read_card
+from pipeline.export.common import SUMMARY, ExportError, read_summary
+
+FILES = 100_000
+FILES_OF_A_FOLDER = 10_000
+FILE_BYTES = 20 * 1000**3
+GROUP_BYTES = 300 * 1000**2
+TAGS = {"lerobot": "v3.0", "lerobot-v2.1": "v2.1"}
+VISUALIZER = "https://huggingface.co/spaces/lerobot/visualize_dataset?path="
+BADGE = "https://huggingface.co/datasets/huggingface/badges/resolve/main/visualize-this-dataset-xl.svg"
+UPLOAD_CACHE = ".cache"
+LARGEST = 5
+MESSAGE = "Publish with domino-data"
+
+
+@dataclass(frozen=True)
+class Shipment:
+    """What an upload would send: files relative to `folder` with their bytes, the tag it gets, and what the hub would not take."""
+
+    folder: Path
+    repo_id: str
+    private: bool
+    format: str
+    files: dict[str, int]
+    problems: tuple[str, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of all files."""
+        return sum(self.files.values())
+
+    @property
+    def tag(self) -> str | None:
+        """The tag that readers of the format look for."""
+        return TAGS.get(self.format)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For printing."""
+        values = {"repo_id": self.repo_id, "private": self.private, "format": self.format, "tag": self.tag}
+        return values | {"files": len(self.files), "bytes": self.bytes, "problems": list(self.problems)}
+
+    def said(self) -> str:
+        """What will be sent, in lines."""
+        kinds = Counter[str]()
+        for name, size in self.files.items():
+            kinds[Path(name).suffix or name] += size
+        who = "a private" if self.private else "a PUBLIC"
+        lines = [f"{self.folder} -> {who} dataset repository {self.repo_id}" + (f", tag {self.tag}" if self.tag else "")]
+        parts = ", ".join(f"{kind} {size / 1e6:.1f} MB" for kind, size in kinds.most_common())
+        lines.append(f"{len(self.files)} files, {self.bytes / 1e6:.1f} MB: {parts}")
+        largest = sorted(self.files, key=lambda name: -self.files[name])[:LARGEST]
+        lines += [f"  {self.files[name] / 1e6:10.1f} MB  {name}" for name in largest]
+        rest = len(self.files) - len(largest)
+        lines += [f"  and {rest} more"] if rest else []
+        return "\n".join([*lines, *(f"not taken by the hub: {problem}" for problem in self.problems)])
+
+
+def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
+    """What publishing an export would send. Raises ExportError where there is no export or the name is none."""
+    from huggingface_hub.errors import HFValidationError
+    from huggingface_hub.utils import validate_repo_id
+
+    summary = read_summary(folder)
+    try:
+        validate_repo_id(repo_id)
+    except HFValidationError as error:
+        raise ExportError(f"--repo-id: {' '.join(str(error).split())}") from error
+    paths = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.relative_to(folder).parts[0] != UPLOAD_CACHE]
+    files = {path.relative_to(folder).as_posix(): path.stat().st_size for path in paths}
+    return Shipment(folder, repo_id, private, str(summary["format"]), files, tuple(_problems(folder, files)))
+
+
+def _problems(folder: Path, files: dict[str, int]) -> list[str]:
+    problems = []
+    if len(files) > FILES:
+        problems.append(f"{len(files)} files, {FILES} are allowed: export with --per-task and publish the parts one by one")
+    folders = Counter(Path(name).parent.as_posix() for name in files)
+    problems += [f"{name}/ has {n} files, {FILES_OF_A_FOLDER} are allowed" for name, n in folders.items() if n > FILES_OF_A_FOLDER]
+    problems += [f"{name} has {size} bytes, {FILE_BYTES} are allowed" for name, size in files.items() if size > FILE_BYTES]
+    try:
+        read_card(folder / CARD)
+    except (OSError, ValueError) as error:
+        problems.append(f"no card can be read: {error}")
+    for name in files:
+        if name.endswith(".parquet"):
+            problems += _large_groups(folder / name, name)
+    return problems
+
+
+def _large_groups(path: Path, name: str) -> list[str]:
+    try:
+        metadata = pq.read_metadata(path)
+    except (OSError, pa.ArrowException) as error:
+        return [f"{name} cannot be read: {error}"]
+    largest = max((metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups)), default=0)
+    return [f"{name} has a row group of {largest} bytes, the viewer reads {GROUP_BYTES}"] if largest > GROUP_BYTES else []
+
+
+def with_badge(text: str, repo_id: str) -> str:
+    """The text of a card with the badge that opens LeRobot's visualizer, after its first title; one that is there gets the name."""
+    if VISUALIZER in text:
+        return re.sub(re.escape(VISUALIZER) + r"[^\s\")]*", VISUALIZER + repo_id, text)
+    badge = f"[![Visualize this dataset]({BADGE})]({VISUALIZER}{repo_id})"
+    head, sign, rest = text.partition("\n\n")
+    return f"{head}\n\n{badge}{sign}{rest}" if head.startswith("#") else f"{badge}\n\n{text}"
+
+
+def publish(shipment: Shipment, api: Any) -> str:
+    """Create the repository, send the files, set the tag; returns the address. `api` is a huggingface_hub.HfApi with a token.
+
+    Raises ExportError where the hub would not take the files, refuses, or cannot be reached.
+    """
+    from huggingface_hub.errors import HfHubHTTPError
+
+    if shipment.problems:
+        raise ExportError(f"{shipment.folder}: {shipment.problems[0]}")
+    try:
+        if shipment.tag is not None:
+            _add_badge(shipment.folder / CARD, shipment.repo_id)
+        url = api.create_repo(shipment.repo_id, repo_type="dataset", private=shipment.private, exist_ok=True)
+        what: dict[str, Any] = {"repo_id": shipment.repo_id, "folder_path": shipment.folder, "repo_type": "dataset"}
+        api.upload_folder(**what, ignore_patterns=[f"{UPLOAD_CACHE}/**"], commit_message=MESSAGE)
+        if shipment.tag is not None:
+            api.create_tag(shipment.repo_id, tag=shipment.tag, repo_type="dataset", exist_ok=True)
+    except (HfHubHTTPError, OSError) as error:
+        token = getattr(api, "token", None)
+        said = " ".join(str(error).split())[:300]
+        said = said.replace(token, "***") if isinstance(token, str) else said
+        raise ExportError(f"{shipment.repo_id}: the hub refused: {said}") from error
+    return str(url)
+
+
+def _add_badge(card: Path, repo_id: str) -> None:
+    begin, end, text = card.read_text().partition("\n---\n")
+    write_atomic(card, f"{begin}{end}\n{with_badge(text.lstrip(), repo_id)}".encode())
+
+
+__all__ = ["SUMMARY", "Shipment", "prepare", "publish", "with_badge"]

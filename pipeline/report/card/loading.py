@@ -1,0 +1,98 @@
+"""How to load an export: a few lines for each tool, as the card shows them and a test runs them. DIR is the export's directory."""
+
+from collections.abc import Mapping
+from typing import Any
+
+LEROBOT = """
+from lerobot.datasets import LeRobotDataset
+
+data = LeRobotDataset("local", root="DIR", video_backend="pyav")
+frame = data[0]  # observation.images.cam_high (3, H, W) in 0..1, observation.state, action, task
+"""
+DATASETS = """
+from datasets import load_dataset
+
+frames = load_dataset("DIR", split="train")
+print(frames[0].keys())
+"""
+GLOBS = {"lerobot": "data/*/*.parquet", "lerobot-v2.1": "data/*/*.parquet", "parquet": "data-*.parquet"}
+PANDAS = """
+from pathlib import Path
+import pandas as pd
+
+frames = pd.concat(pd.read_parquet(file) for file in sorted(Path("DIR").glob("GLOB")))
+print(frames.groupby("episode_index").size())
+"""
+ARROW = """
+import pyarrow.dataset as ds
+from glob import glob
+
+frames = ds.dataset(sorted(glob("DIR/GLOB"))).to_table(columns=["episode_index", "action"])
+"""
+POLARS = """
+import polars as pl
+
+print(pl.scan_parquet("DIR/GLOB").group_by("episode_index").len().collect())
+"""
+DUCKDB = """
+import duckdb
+
+print(duckdb.sql("select episode_index, count(*) from 'DIR/GLOB' group by 1"))
+"""
+EPISODES = """
+from pathlib import Path
+import pandas as pd
+
+episodes = pd.concat(pd.read_parquet(file) for file in sorted(Path("DIR").rglob("EPISODES")))
+print(episodes[["task", "level", "alpha", "length", "physics_id"]])
+"""
+H5 = """
+from pathlib import Path
+import h5py
+
+with h5py.File(sorted(Path("DIR").rglob("*.hdf5"))[0]) as f:
+    f.visit(print)
+    actions = f["ACTION"][()]
+"""
+JPEG = """
+import io
+from pathlib import Path
+import h5py
+from PIL import Image
+
+with h5py.File(sorted(Path("DIR").rglob("*.hdf5"))[0]) as f:
+    image = Image.open(io.BytesIO(f["observation/head_camera/rgb"][0]))
+    print(image.size, f.attrs["jpeg_order"])
+"""
+H5_ARRAYS = """
+from pathlib import Path
+import h5py
+
+with h5py.File(sorted(Path("DIR").rglob("*.hdf5"))[0]) as f:
+    print({name: data.shape for name, data in f["observations/images"].items()})
+"""
+PICKLE = """
+import pickle
+from pathlib import Path
+
+gt = pickle.loads(sorted(Path("DIR").rglob("gt.pkl"))[0].read_bytes())
+print(gt["pose7_frame_aligned"].shape)
+"""
+
+
+def loading(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Tool -> Python code, with DIR still in it, for an export of this summary."""
+    name = summary["format"]
+    if name in GLOBS:
+        code = {"datasets": DATASETS, "pandas": PANDAS, "pyarrow": ARROW, "polars": POLARS, "duckdb": DUCKDB}
+        if name == "lerobot":
+            code = {"LeRobot": LEROBOT} | code
+        tables = EPISODES.replace("EPISODES", "episodes.parquet" if name == "parquet" else "domino_episodes.parquet")
+        code = {tool: text.replace("GLOB", GLOBS[name]) for tool, text in code.items()} | {"the table of episodes": tables}
+    elif name == "puma-gt":
+        code = {"pickle": PICKLE}
+    else:
+        action = "action" if name == "aloha" else "joint_action/vector"
+        code = {"h5py": H5.replace("ACTION", action), "images": H5_ARRAYS if name == "aloha" else JPEG}
+        code["the table of episodes"] = EPISODES.replace("EPISODES", "episodes.parquet")
+    return {tool: text.strip() + "\n" for tool, text in code.items()}

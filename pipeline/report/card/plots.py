@@ -1,0 +1,58 @@
+"""The plots of a card: where targets start and how they move, their speeds, lengths of episodes, ranges of actions."""
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.report.card.survey import Seen
+
+PATHS = 400
+COLOURS = {0: "#6b7280", 1: "#2563eb", 2: "#059669", 3: "#d97706"}
+
+
+def plots(seen: Sequence[Seen]) -> bytes:
+    """A PNG of five plots; of more than PATHS episodes every n-th path is drawn. The same episodes give the same bytes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 7), dpi=90, layout="constrained")
+    axes = figure.subplot_mosaic([["start", "path", "speed"], ["length", "range", "range"]])
+    levels = sorted({one.spec.level for one in seen})
+    for level in levels:
+        mine, color = [one for one in seen if one.spec.level == level], COLOURS[level]
+        starts = np.array([one.path[0] for one in mine])
+        axes["start"].scatter(*starts.T, s=10, color=color, label=f"level {level}", alpha=0.7)
+        for one in mine[:: -(-len(seen) // PATHS)]:
+            axes["path"].plot(*one.path.T, color=color, lw=0.8, alpha=0.6)
+            axes["path"].plot(*one.path[-1], ".", color="#111827", ms=3)
+    speeds = [np.concatenate([one.speeds for one in seen if one.spec.level == level]) for level in levels]
+    lengths = [[one.seconds for one in seen if one.spec.level == level] for level in levels]
+    for name, values in (("speed", speeds), ("length", lengths)):
+        axes[name].hist(values, bins=20, stacked=True, color=[COLOURS[level] for level in levels])
+    _ranges(axes["range"], seen)
+    titles = {"start": "where targets start", "path": "motions until the meeting (dot)", "speed": "speed until the meeting"}
+    titles |= {"length": "length of episodes", "range": "range of actions (rad; grippers 0 to 1)"}
+    labels = {"start": ("x (m)", "y (m)"), "path": ("x (m)", "y (m)"), "speed": ("m/s", "samples"), "length": ("s", "episodes")}
+    for name, axis in axes.items():
+        axis.set_title(titles[name], fontsize=10)
+        axis.tick_params(labelsize=8)
+        if name in labels:
+            axis.set_xlabel(labels[name][0], fontsize=8)
+            axis.set_ylabel(labels[name][1], fontsize=8)
+    for name in ("start", "path"):
+        axes[name].set_aspect("equal", adjustable="datalim")
+    axes["start"].legend(fontsize=8)
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _ranges(axis: object, seen: Sequence[Seen]) -> None:
+    robot = seen[0].spec.embodiment
+    mine = [one for one in seen if one.spec.embodiment == robot]
+    low, high = np.min([one.low for one in mine], 0), np.max([one.high for one in mine], 0)
+    at = np.arange(len(low))
+    axis.bar(at, high - low, bottom=low, color="#2563eb", width=0.6)  # pyright: ignore[reportAttributeAccessIssue]
+    axis.set_xticks(at, mine[0].names, rotation=60, ha="right", fontsize=7)  # pyright: ignore[reportAttributeAccessIssue]
+    axis.set_ylabel(robot, fontsize=8)  # pyright: ignore[reportAttributeAccessIssue]

@@ -1,0 +1,74 @@
+"""What a card is about: one observation an episode, read from the files that are exported."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode import open_episode
+from pipeline.data.meta import EpisodeMeta
+from pipeline.data.recipe import Cell
+from pipeline.data.spec import EpisodeSpec
+from pipeline.motion.target_motion import TargetMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One episode: `path` (N,2) is the target's motion in x and y (m) until the meeting, `speeds` (N,) its speed there (m/s);
+    `low` and `high` (A,) bound its actions."""
+
+    file: Path
+    spec: EpisodeSpec
+    meta: EpisodeMeta
+    frames: int
+    seconds: float
+    names: tuple[str, ...]
+    cameras: tuple[str, ...]
+    sizes: dict[str, tuple[int, int]]
+    path: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    instructions: tuple[tuple[str, ...], tuple[str, ...]]
+
+    @property
+    def cell(self) -> Cell:
+        """The cell that it belongs to."""
+        s = self.spec
+        return Cell(s.task, s.embodiment, s.level, s.alpha, s.domain)
+
+
+def look(file: Path) -> Seen:
+    """Read one episode without its images. Raises EpisodeError where it cannot be read."""
+    with open_episode(file) as e:
+        episode = e.read()
+        sizes = {name: (c.width, c.height) for name, c in e.meta.drawing.cameras.items()}
+    motion = TargetMotion.from_json(episode.motion)
+    times = np.linspace(-motion.lead, motion.duration, 30)
+    action = episode.log.action
+    return Seen(
+        file=file,
+        spec=episode.spec,
+        meta=episode.meta,
+        frames=len(episode.log),
+        seconds=len(episode.log) / episode.meta.fps,
+        names=tuple(episode.log.vector_names),
+        cameras=episode.cameras,
+        sizes=sizes,
+        path=motion.position(times)[:, :2],
+        speeds=np.linalg.norm(motion.velocity(times), axis=1),
+        low=action.min(0),
+        high=action.max(0),
+        instructions=(tuple(episode.instructions["seen"]), tuple(episode.instructions["unseen"])),
+    )
+
+
+def by_cell(seen: Sequence[Seen]) -> dict[Cell, list[Seen]]:
+    """Episodes by cell, in the order of the cells' paths."""
+    cells: dict[Cell, list[Seen]] = defaultdict(list)
+    for one in seen:
+        cells[one.cell].append(one)
+    return {cell: cells[cell] for cell in sorted(cells, key=lambda c: c.path)}

@@ -1,0 +1,208 @@
+"""Writes the card of an export: Markdown, and its images in card/."""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from pipeline.data.cameras import CameraType, intrinsics
+from pipeline.data.dataset import Dataset
+from pipeline.data.names import exported_names
+from pipeline.report.card.loading import loading
+from pipeline.report.card.plots import plots
+from pipeline.report.card.survey import Seen, by_cell, look
+from pipeline.report.clip import clip
+from pipeline.report.contact_sheet import save_contact_sheet
+
+SHEET_ROWS, CLIPS, CELLS = 8, 4, 40
+LEVELS = {0: "the target stands still", 1: "constant velocity", 2: "polynomial", 3: "two or three abrupt segments"}
+LIMITS = """\
+- Everything is simulated (SAPIEN 3, rigid bodies): friction, mass and compliance are those of the simulator. Objects are generated
+  from parameters and are no scans of products.
+- Demonstrations come from scripted experts that know the target's motion beforehand; nobody teleoperated a robot. Attempts that
+  failed are left out, so motions that the experts cannot meet are rarer than they were drawn.
+- Alpha bounds the average speed of levels 2 and 3 where nothing else is said; the table has the speeds observed.
+- Images are drawn without sensor noise, motion blur or rolling shutter.
+"""
+CITATION = """\
+```bibtex
+@article{domino2026,
+  title = {Towards Generalizable Robotic Manipulation in Dynamic Environments},
+  year = {2026},
+  journal = {arXiv preprint arXiv:2603.15620},
+  url = {https://arxiv.org/abs/2603.15620}
+}
+```
+"""
+
+
+def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping[str, Any]], str]:
+    """The text of the card of an export of these episodes, as a function of its directory and summary."""
+
+    def write(folder: Path, summary: Mapping[str, Any]) -> str:
+        seen = [look(path) for path in episodes]
+        images = folder / "card"
+        images.mkdir(exist_ok=True)
+        (images / "plots.png").write_bytes(plots(seen))
+        chosen = [cell[0].file for cell in by_cell(seen).values()]
+        save_contact_sheet(images / "contact_sheet.jpg", spread(chosen, SHEET_ROWS))
+        films = []
+        for number, path in enumerate(spread(chosen, CLIPS)):
+            if film := clip(path):
+                (images / f"clip_{number}.mp4").write_bytes(film)
+                films.append(f'<video src="card/clip_{number}.mp4" controls muted loop width="420"></video>')
+        sections = {
+            "": _opening(seen, summary),
+            "What is in it": _cells(dataset, seen) + _speeds(seen),
+            "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", "", *films]),
+            "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
+            "Cameras and joints": _cameras(seen, summary) + _joints(seen),
+            "How to load it": _loading(summary),
+            "Splits": _splits(seen),
+            "How it was made": _made(dataset),
+            "Known limits": LIMITS,
+            "Citation": CITATION,
+        }
+        return "\n".join(
+            f"{'## ' + title if title else '# ' + _title(seen)}\n\n{text.strip()}\n" for title, text in sections.items()
+        )
+
+    return write
+
+
+def spread(items: Sequence[Path], count: int) -> list[Path]:
+    """At most `count` of them, evenly spread, the first and the last among them."""
+    if len(items) <= count:
+        return list(items)
+    return [items[round(i)] for i in np.linspace(0, len(items) - 1, count)]
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n\n"
+
+
+def _title(seen: Sequence[Seen]) -> str:
+    tasks = sorted({one.spec.task for one in seen})
+    what = tasks[0].replace("_", " ") if len(tasks) == 1 else f"{len(tasks)} tasks"
+    return f"Dynamic manipulation: {what}, {', '.join(sorted({one.spec.embodiment for one in seen}))}"
+
+
+def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+    hours = sum(one.seconds for one in seen) / 3600
+    levels = ", ".join(f"{level} ({LEVELS[level]})" for level in sorted({one.spec.level for one in seen}))
+    size = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.1f} min"
+    return (
+        f"{len(seen)} simulated episodes, {sum(one.frames for one in seen)} frames at {seen[0].meta.fps} Hz, {size}: two-arm "
+        f"robots manipulate objects that move. Levels of motion: {levels}. "
+        f"Format: `{summary['format']}`. `state` is measured at a frame, "
+        "`action` is the joint target commanded for the interval after it; nothing is shifted. Poses are x y z qw qx qy qz in the "
+        "world frame (m): x to the robot's right, y away from it, z up, table top at z = 0.74."
+    )
+
+
+def _cells(dataset: Path, seen: Sequence[Seen]) -> str:
+    attempts: dict[tuple[Any, ...], list[bool]] = {}
+    file = Dataset(dataset).attempts
+    for row in pq.read_table(file).to_pylist() if file.exists() else []:
+        key = row["task"], row["embodiment"], row["level"], row["alpha"], row["domain"]
+        attempts.setdefault(key, []).append(row["outcome"] == "accepted")
+    rows = []
+    for cell, mine in by_cell(seen).items():
+        tried = attempts.get((cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain), [])
+        lengths = [one.seconds for one in mine]
+        found = f"{100 * sum(tried) / len(tried):.0f} % of {len(tried)}" if tried else ""
+        said = f"{np.mean(lengths):.1f} ({min(lengths):.1f} to {max(lengths):.1f})"
+        rows.append([cell.task, cell.embodiment, cell.level, f"{cell.alpha:g}", cell.domain, len(mine), found, said])
+    head = ["task", "robot", "level", "alpha (m/s)", "domain", "episodes", "attempts accepted", "length (s)"]
+    text = table(head, rows)
+    return text if len(rows) <= CELLS else f"<details><summary>{len(rows)} cells</summary>\n\n{text}</details>\n\n"
+
+
+def _speeds(seen: Sequence[Seen]) -> str:
+    rows = []
+    for level in sorted({one.spec.level for one in seen}):
+        mine = [one.meta for one in seen if one.spec.level == level]
+        average, most = [m.average_speed for m in mine], [m.maximum_speed for m in mine]
+        moved = [m.displacement for m in mine]
+        rows.append(
+            [level, len(mine), f"{np.mean(average):.3f}", f"{max(average):.3f}", f"{max(most):.3f}", f"{np.mean(moved):.2f}"]
+        )
+    head = [
+        "level",
+        "episodes",
+        "average speed, mean (m/s)",
+        "average speed, most",
+        "greatest speed (m/s)",
+        "from start to meeting (m)",
+    ]
+    return table(head, rows)
+
+
+def _cameras(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+    first = seen[0]
+    given = summary["options"].get("camera_names", {})
+    plain = summary["format"] in ("robotwin", "dynamicwam", "puma-gt")
+    names = {camera: camera for camera in first.cameras} if plain else exported_names(first.cameras, given)
+    rows = []
+    for camera in first.cameras:
+        info = first.meta.drawing.cameras[camera]
+        focal = intrinsics(CameraType(info.width, info.height, info.fovy))[0, 0]
+        rows.append(
+            [names[camera], f"{info.width} x {info.height}", f"{info.fovy:g}", f"{focal:.1f}", info.link or "fixed in the world"]
+        )
+    return table(["camera", "pixels", "vertical field of view (degrees)", "focal length (pixels)", "carried by"], rows)
+
+
+def _joints(seen: Sequence[Seen]) -> str:
+    robots = {one.spec.embodiment: one.names for one in seen}
+    rows = []
+    for robot, names in sorted(robots.items()):
+        for number, name in enumerate(names):
+            unit = "0 closed, 1 open" if name.endswith("gripper") else "rad"
+            rows.append([robot, number, f"`{name}`", unit])
+    return table(["robot", "index", "joint", "unit"], rows)
+
+
+def _loading(summary: Mapping[str, Any]) -> str:
+    said = "`DIR` is this directory. On the hub, `load_dataset` takes the name of the repository in its place.\n\n"
+    return said + "\n".join(f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary).items())
+
+
+def _splits(seen: Sequence[Seen]) -> str:
+    def count(values: Iterable[object]) -> int:
+        return len({repr(value) for value in values})
+
+    said, unsaid = ({text for one in seen for text in one.instructions[i]} for i in (0, 1))
+    rows = [
+        ["physics (`physics_id`)", count(one.meta.physics_id or one.file for one in seen)],
+        ["motions of the target", count(one.path.tolist() for one in seen)],
+        ["target objects", count(one.meta.objects[one.meta.target] for one in seen)],
+        ["looks (room, lights, textures)", count(one.meta.drawing.visuals for one in seen)],
+        ["sentences, seen", len(said)],
+        ["sentences, unseen", len(unsaid)],
+        ["sentences in both", len(said & unsaid)],
+    ]
+    return (
+        "There is one split, `train`. Episodes of one `physics_id` show the same motion in other looks: keep them on the same side "
+        "of any split of your own. Seen and unseen sentences have templates and descriptions of their own. To hold out motions or "
+        "objects, split by episode; to hold out textures, by domain.\n\n" + table(["distinct", "number"], rows)
+    )
+
+
+def _made(dataset: Path) -> str:
+    place = Dataset(dataset)
+    made = json.loads(place.provenance.read_text()) if place.provenance.exists() else {}
+    rows = [[key, made[key]] for key in ("renderer", "processor", "python", "code_version") if key in made]
+    rows += [[name, version] for name, version in made.get("packages", {}).items()]
+    recipe = place.manifest.read_text().strip() if place.manifest.exists() else ""
+    text = (
+        "Physics at 240 Hz; every episode went through a dry run, the back-calculation of the target's motion, and a synchronised "
+        "replay whose success was judged from its state log.\n\n"
+    )
+    text += table(["made with", ""], rows) if rows else ""
+    return text + (f"The recipe:\n\n```yaml\n{recipe}\n```\n" if recipe else "")

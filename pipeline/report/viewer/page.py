@@ -1,0 +1,65 @@
+"""The viewer as files that open without a network: page, plotly's own script, a list of episodes, and one file an episode."""
+
+import json
+from collections.abc import Callable, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.atomic import write_atomic
+from pipeline.html import render_page
+from pipeline.report.viewer.data import episode_data, failures, listing
+
+PAGE, LIST, PLOTLY = "index.html", "list.js", "plotly.min.js"
+TEMPLATES = files("pipeline.report.viewer") / "templates"
+Progress = Callable[[int], object] | None
+
+
+def page(name: str) -> bytes:
+    """The page of a dataset of that name."""
+    style, script = ((TEMPLATES / file).read_text() for file in ("view.css", "view.js"))
+    return render_page("pipeline.report.viewer", "view.html", name=name, style=style, script=script).encode(errors="replace")
+
+
+def plotly_script() -> bytes:
+    """The script that plotly ships."""
+    from plotly.offline import get_plotlyjs
+
+    return get_plotlyjs().encode()
+
+
+def list_script(dataset: Path, episodes: Sequence[Path], total: int) -> bytes:
+    """list.js: the episodes on the wall, and the attempts that failed; `total` is how many episodes the dataset has."""
+    values = {"episodes": [listing(path, dataset) for path in episodes], "failures": failures(dataset), "total": total}
+    return _script("DOMINO = ", values, "")
+
+
+def episode_script(number: int, path: Path, dataset: Path) -> bytes:
+    """episode_<number>.js: one episode; loading it calls `episodeLoaded` of the page."""
+    return _script(f"episodeLoaded({number}, ", episode_data(path, dataset), ")")
+
+
+def _script(before: str, values: Any, after: str) -> bytes:
+    text = json.dumps(values, separators=(",", ":"), allow_nan=False)
+    return f"{before}{text}{after};\n".encode()
+
+
+def choose(episodes: Sequence[Path], count: int) -> list[Path]:
+    """At most `count` episodes, as evenly spread over the sorted ones as possible."""
+    ordered = sorted(episodes)
+    return ordered if len(ordered) <= count else [ordered[i * len(ordered) // count] for i in range(count)]
+
+
+def write_viewer(dataset: Path, episodes: Sequence[Path], out: Path, total: int, progress: Progress = None) -> Path:
+    """Write the viewer of these episodes to the directory `out` and return its page. Raises EpisodeError, OSError."""
+    out.mkdir(parents=True, exist_ok=True)
+    for old in out.glob("episode_*.js"):
+        old.unlink()
+    for number, path in enumerate(episodes):
+        write_atomic(out / f"episode_{number}.js", episode_script(number, path, dataset))
+        if progress is not None:
+            progress(1)
+    write_atomic(out / LIST, list_script(dataset, episodes, total))
+    write_atomic(out / PLOTLY, plotly_script())
+    write_atomic(out / PAGE, page(dataset.resolve().name))
+    return out / PAGE

@@ -1,0 +1,221 @@
+"use strict";
+const at = id => document.getElementById(id);
+const FILTERS = ["task", "robot", "level", "domain"];
+const COLOURS = {"left touches": "#93c5fd", "right touches": "#fcd34d", "left holds": "#2563eb", "right holds": "#d97706"};
+const loaded = new Map();
+let shown = null, data = null, frame = 0, timer = null, images = {}, listed = [];
+var DOMINO;
+
+function add(parent, tag, text, attributes) {
+  const made = document.createElement(tag);
+  if (text !== undefined) made.textContent = text;
+  Object.assign(made, attributes || {});
+  parent.appendChild(made);
+  return made;
+}
+
+function start() {
+  for (const name of FILTERS) {
+    const values = [...new Set(DOMINO.episodes.map(e => e[name]))].sort();
+    for (const value of ["all", ...values]) add(at(name), "option", value);
+    at(name).onchange = wall;
+  }
+  at("slow").oninput = at("fast").oninput = wall;
+  at("to-wall").onclick = wall;
+  at("to-failures").onclick = failures;
+  wall();
+}
+
+function only(id) {
+  for (const section of ["wall", "failures", "episode"]) at(section).hidden = section !== id;
+  if (id !== "episode") stop();
+}
+
+function wanted(e) {
+  const slow = parseFloat(at("slow").value), fast = parseFloat(at("fast").value);
+  return FILTERS.every(n => at(n).value === "all" || String(e[n]) === at(n).value)
+    && !(e.speed < slow) && !(e.speed > fast);
+}
+
+function wall() {
+  only("wall");
+  listed = DOMINO.episodes.map((e, i) => i).filter(i => wanted(DOMINO.episodes[i]));
+  at("count").textContent = `${listed.length} of ${DOMINO.episodes.length} episodes` +
+    (DOMINO.total > DOMINO.episodes.length ? `, chosen from ${DOMINO.total}` : "");
+  at("wall").replaceChildren();
+  for (const i of listed) {
+    const e = DOMINO.episodes[i], figure = add(at("wall"), "figure");
+    figure.onclick = () => open_(i);
+    add(figure, "img", undefined, {src: e.image, loading: "lazy"});
+    add(figure, "figcaption", `${e.task.replaceAll("_", " ")} · L${e.level} · ${e.speed.toFixed(2)} m/s · ${e.slot}`);
+  }
+}
+
+function failures() {
+  only("failures");
+  const box = at("failures");
+  box.replaceChildren();
+  const rows = DOMINO.failures.filter(f => FILTERS.every(n =>
+    at(n).value === "all" || String(f[n === "robot" ? "embodiment" : n]) === at(n).value));
+  add(box, "h2", rows.length ? `${rows.length} attempts that failed` : "no attempt failed");
+  if (!rows.length) return;
+  const table = add(box, "table"), keys = ["task", "embodiment", "level", "slot", "attempt", "seed", "stage", "reason", "detail", "conditions"];
+  const head = add(table, "tr");
+  for (const key of keys) add(head, "th", key);
+  for (const row of rows) {
+    const line = add(table, "tr");
+    for (const key of keys) add(line, "td", key === "conditions" ? (row[key] || []).join(", ") : row[key]);
+  }
+}
+
+function open_(number) {
+  shown = number;
+  if (loaded.has(number)) return show(loaded.get(number));
+  add(document.body, "script", undefined, {src: `episode_${number}.js`});
+}
+
+function episodeLoaded(number, values) {
+  loaded.set(number, values);
+  if (number === shown) show(values);
+}
+
+async function show(values) {
+  stop();
+  data = values;
+  only("episode");
+  at("title").textContent = data.file;
+  at("instruction").textContent = data.instruction.join("");
+  at("frame").max = data.frames - 1;
+  at("cameras").replaceChildren();
+  const decoded = {};
+  for (const [name, camera] of Object.entries(data.cameras)) {
+    const figure = add(at("cameras"), "figure");
+    add(figure, "canvas", undefined, {id: `canvas-${name}`, width: camera.size[0], height: camera.size[1]});
+    add(figure, "figcaption", name.replaceAll("_", " "));
+    decoded[name] = {images: await Promise.all(camera.images.map(image)), flows: await Promise.all(camera.flows.map(image))};
+  }
+  if (data !== values) return;
+  images = decoded;
+  timeline();
+  at("joint").replaceChildren();
+  data.joints.forEach((joint, i) => add(at("joint"), "option", joint, {value: i}));
+  at("joint").onchange = curve;
+  space();
+  curve();
+  const seconds = data.speed.map((_, t) => t / data.fps);
+  Plotly.newPlot("speed", [{x: seconds, y: data.speed, line: {color: "#059669"}}], layout("speed of the target (m/s)"), {displayModeBar: false});
+  go(0);
+}
+
+async function image(source) {
+  const made = new Image();
+  made.src = source;
+  await made.decode();
+  return made;
+}
+
+const layout = title => ({title: {text: title, font: {size: 12}}, margin: {l: 45, r: 10, t: 28, b: 30}, showlegend: false,
+  xaxis: {title: {text: "s", standoff: 0}}, shapes: [now()]});
+const now = () => ({type: "line", x0: frame / data.fps, x1: frame / data.fps, y0: 0, y1: 1, yref: "paper", line: {color: "#111827", width: 1}});
+
+function curve() {
+  const i = Number(at("joint").value), seconds = data.speed.map((_, t) => t / data.fps);
+  const lines = [{x: seconds, y: data.state[i], name: "state", line: {color: "#2563eb"}},
+    {x: seconds, y: data.action[i], name: "action", line: {color: "#d97706", dash: "dot"}}];
+  Plotly.newPlot("curve", lines, {...layout(`${data.joints[i]}: state, action (dotted)`)}, {displayModeBar: false});
+}
+
+function space() {
+  const line = (path, name, color, dash) => ({type: "scatter3d", mode: "lines", x: path[0], y: path[1], z: path[2], name, line: {color, width: 4, dash}});
+  const place = data.meeting.place;
+  const traces = [line(data.path.planned, "planned", "#9ca3af", "dash"), line(data.path.target, "target", "#059669"),
+    line(data.hands.left, "left hand", "#2563eb"), line(data.hands.right, "right hand", "#d97706"),
+    {type: "scatter3d", mode: "markers", x: [place[0]], y: [place[1]], z: [place[2]], name: "meeting", marker: {size: 5, color: "#b91c1c"}},
+    {type: "scatter3d", mode: "markers", x: [0, 0, 0], y: [0, 0, 0], z: [0, 0, 0], name: "now", marker: {size: 6, color: ["#059669", "#2563eb", "#d97706"]}},
+    {type: "mesh3d", x: [-0.6, 0.6, 0.6, -0.6], y: [-0.35, -0.35, 0.35, 0.35], z: [0.74, 0.74, 0.74, 0.74], i: [0, 0], j: [1, 2], k: [2, 3],
+      color: "#d6c7a8", opacity: 0.5, hoverinfo: "skip"}];
+  Plotly.newPlot("space", traces, {margin: {l: 0, r: 0, t: 0, b: 0}, legend: {x: 0, y: 1}, scene: {aspectmode: "data",
+    camera: {eye: {x: 0.1, y: -1.5, z: 1.1}}}}, {displayModeBar: false});
+}
+
+function timeline() {
+  const box = at("timeline"), whole = data.frames / data.fps, left = t => `${100 * t / whole}%`;
+  box.replaceChildren();
+  for (const span of data.spans) {
+    const made = add(box, "div", "", {className: "span", title: span.name});
+    const row = Object.keys(COLOURS).indexOf(span.name);
+    Object.assign(made.style, {left: left(span.start), width: left(span.end - span.start), top: `${24 + 10 * row}px`, background: COLOURS[span.name]});
+    made.textContent = span.name;
+  }
+  data.events.forEach((event, i) => {
+    const made = add(box, "div", event.name, {className: "event", title: `${event.name} ${event.time.toFixed(3)} s ${event.by}`});
+    made.style.left = left(event.time);
+    made.style.paddingTop = `${10 * (i % 2)}px`;  // meeting and release are often the same moment
+  });
+  add(box, "div", "", {className: "now", id: "now"});
+  box.onclick = e => go(Math.floor((e.clientX - box.getBoundingClientRect().left) / box.clientWidth * data.frames));
+}
+
+function go(to) {
+  frame = Math.max(0, Math.min(data.frames - 1, to));
+  at("frame").value = frame;
+  at("clock").textContent = `frame ${frame} of ${data.frames}, ${(frame / data.fps).toFixed(2)} s`;
+  at("now").style.left = `${100 * frame / data.frames}%`;
+  for (const [name, camera] of Object.entries(data.cameras)) draw(name, camera);
+  Plotly.relayout("curve", {shapes: [now()]});
+  Plotly.relayout("speed", {shapes: [now()]});
+  const points = [data.path.target, data.hands.left, data.hands.right];
+  Plotly.restyle("space", {x: [points.map(p => p[0][frame])], y: [points.map(p => p[1][frame])], z: [points.map(p => p[2][frame])]}, [5]);
+}
+
+function draw(name, camera) {
+  const canvas = at(`canvas-${name}`), pen = canvas.getContext("2d"), [width, height] = camera.size;
+  pen.drawImage(images[name].images[frame], 0, 0, width, height);
+  pen.lineWidth = 2;
+  if (at("show-masks").checked && camera.outlines.length) {
+    pen.strokeStyle = "#fde047";
+    for (const line of camera.outlines[frame]) {
+      pen.beginPath();
+      line.forEach(([x, y]) => pen.lineTo(x, y));
+      pen.closePath();
+      pen.stroke();
+    }
+  }
+  if (at("show-track").checked) {
+    pen.strokeStyle = "#22d3ee";
+    pen.beginPath();
+    let drawing = false;
+    for (const point of camera.track.slice(Math.max(0, frame - 30), frame + 1)) {
+      if (!point) { drawing = false; continue; }
+      drawing ? pen.lineTo(...point) : pen.moveTo(...point);
+      drawing = true;
+    }
+    pen.stroke();
+    const here = camera.track[frame];
+    if (here) { pen.beginPath(); pen.arc(here[0], here[1], 5, 0, 7); pen.stroke(); }
+  }
+  if (at("show-flow").checked && images[name].flows.length) pen.drawImage(images[name].flows[frame], width - 100, 0, 100, 100);
+}
+
+function stop() {
+  clearInterval(timer);
+  timer = null;
+  at("play").textContent = "play";
+}
+
+function play() {
+  if (timer) return stop();
+  at("play").textContent = "stop";
+  timer = setInterval(() => frame + 1 < data.frames ? go(frame + 1) : stop(), 1000 / data.fps);
+}
+
+at("play").onclick = play;
+at("frame").oninput = () => go(Number(at("frame").value));
+for (const id of ["show-track", "show-masks", "show-flow"]) at(id).onchange = () => go(frame);
+document.onkeydown = e => {
+  if (at("episode").hidden || ["SELECT", "INPUT"].includes(e.target.tagName) && e.target.type !== "range" && e.target.type !== "checkbox") return;
+  const next = step => { const i = listed.indexOf(shown) + step; if (i >= 0 && i < listed.length) open_(listed[i]); };
+  const keys = {ArrowRight: () => go(frame + (e.shiftKey ? 10 : 1)), ArrowLeft: () => go(frame - (e.shiftKey ? 10 : 1)), " ": play,
+    Home: () => go(0), End: () => go(data.frames - 1), n: () => next(1), p: () => next(-1), Escape: wall};
+  if (keys[e.key]) { e.preventDefault(); keys[e.key](); }
+};

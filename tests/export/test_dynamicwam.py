@@ -1,0 +1,105 @@
+"""The DynamicWAM files, read under the conditions that its converter sets."""
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from pipeline.data.episode import open_episode
+from pipeline.export import ExportError, check_exports
+from tests.export.running import run
+from tests.synthetic import COLORS, episode_path, make_episode
+
+PLACE = "clean/click_bell/aloha-agilex_L1_clean"
+FIELDS = [
+    "schema_version",
+    "frame_index",
+    "sim_step_index",
+    "sim_time_seconds",
+    "sim_timestep_seconds",
+    "motion_start_sim_step_index",
+    "motion_start_sim_time_seconds",
+    "planned_intercept_sim_time_seconds",
+    "planned_intercept_position",
+    "target_pose_wxyz",
+    "target_contact_poses_wxyz",
+    "ee_poses_wxyz",
+    "camera_poses_wxyz",
+    "gripper_positions",
+    "target_gripper_contact_mask",
+    "target_gripper_contact_centroids_world",
+    "target_gripper_contact_point_counts",
+    "first_target_gripper_contact_valid",
+    "first_target_gripper_contact_step_index",
+    "first_target_gripper_contact_time_seconds",
+    "first_target_gripper_contact_centroids_world",
+    "first_target_gripper_contact_point_counts",
+    "first_target_gripper_contact_ee_poses_wxyz",
+    "first_target_gripper_contact_target_poses_wxyz",
+    "stable_grasp_succeeded",
+]
+
+
+def converter_reads(path):
+    """What the converter demands of a file: 14-wide vectors in range, the 25 fields and no other, one clock, decodable images."""
+    with h5py.File(path) as f:
+        qpos, group = f["joint_action/vector"][()], {key: f["interception"][key][()] for key in f["interception"]}
+        heads = f["observation/head_camera/rgb"][()]
+        for camera in ("head_camera", "left_camera", "right_camera"):
+            assert len(f[f"observation/{camera}/rgb"]) == len(qpos)
+    grip = [6, 13]
+    assert qpos.shape[1] == 14 and ((qpos[:, grip] >= 0) & (qpos[:, grip] <= 1)).all() and (np.abs(qpos) <= 10).all()
+    assert set(group) == set(FIELDS) and len(FIELDS) == 25
+    assert all(value.ndim > 0 and len(value) == len(qpos) and np.isfinite(value).all() for value in group.values())
+    times, steps, timestep = (group[k] for k in ("sim_time_seconds", "sim_step_index", "sim_timestep_seconds"))
+    assert (group["schema_version"] == 2).all() and np.array_equal(group["frame_index"], np.arange(len(qpos)))
+    np.testing.assert_allclose(np.diff(times), np.diff(steps) * timestep[1:], atol=1e-9)
+    return group, cv2.cvtColor(cv2.imdecode(np.frombuffer(heads[0], np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+@pytest.fixture
+def episodes(tmp_path):
+    return [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=8 + i) for i in range(2)]
+
+
+def test_the_converter_takes_the_files(tmp_path, episodes):
+    out = tmp_path / "out"
+    assert run("dynamicwam", tmp_path, out, episodes)["configurations"] == [PLACE]
+    for index, path in enumerate(episodes):
+        group, rgb = converter_reads(out / PLACE / "data" / f"episode{index}.hdf5")
+        assert (np.abs(rgb.astype(int) - COLORS["head_camera"]).max(-1) < 25).sum() > 1200
+        with open_episode(path) as e:
+            np.testing.assert_array_equal(group["target_pose_wxyz"], e.array("target/pose"))
+            np.testing.assert_array_equal(group["ee_poses_wxyz"][:, 1], e.array("endpose/right_endpose"))
+            np.testing.assert_array_equal(group["camera_poses_wxyz"][:, 2], e.array("observation/right_camera/pose"))
+            np.testing.assert_array_equal(group["gripper_positions"][:, 0], e.array("joint_state/left_gripper"))
+            contact = int(e.array("state/contacts")["frame"][0])
+        # the one contact of the synthetic log is that of the left hand
+        assert group["target_gripper_contact_mask"].sum(0).tolist() == [1, 0]
+        valid = group["first_target_gripper_contact_valid"]
+        assert valid[:, 0].tolist() == [t >= contact for t in range(len(valid))] and not valid[:, 1].any()
+        assert set(group["first_target_gripper_contact_step_index"][:, 0]) == {-1, 16 * contact}
+        assert group["target_contact_poses_wxyz"].shape == (len(valid), 1, 7)
+    assert check_exports(tmp_path, out, "dynamicwam", episodes) == []
+
+
+def test_check_sees_a_changed_field(tmp_path, episodes):
+    out = tmp_path / "out"
+    run("dynamicwam", tmp_path, out, episodes)
+    file = out / PLACE / "data" / "episode1.hdf5"
+    with h5py.File(file, "r+") as f:
+        f["interception/sim_step_index"][3] += 1
+    (problem,) = check_exports(tmp_path, out, "dynamicwam", episodes)
+    assert "episode1.hdf5: interception/sim_step_index differs" in problem
+    file.unlink()
+    assert any("has 1 episodes for 2" in p for p in check_exports(tmp_path, out, "dynamicwam", episodes))
+
+
+@pytest.mark.parametrize(
+    ("how", "message"), [({"embodiment": "franka-panda"}, "not 14 wide"), ({"cameras": ("head_camera",)}, "has no left_camera")]
+)
+def test_what_the_converter_refuses_is_refused_here(tmp_path, how, message):
+    path = make_episode(episode_path(tmp_path), frames=4, **how)
+    with pytest.raises(ExportError, match=message):
+        run("dynamicwam", tmp_path, tmp_path / "out", [path])
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,91 @@
+"""Publishing to a hub on this machine: what arrives, what is refused beforehand, trying again, and no token in sight."""
+
+import json
+from dataclasses import replace
+
+import huggingface_hub.constants
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from huggingface_hub import HfApi
+
+from pipeline.export import ExportError
+from pipeline.export.card import read_card
+from pipeline.export.publish import VISUALIZER, prepare, publish, with_badge
+from tests.export.hub import running
+from tests.export.running import run
+from tests.synthetic import episode_path, make_episode
+
+TOKEN = "hf_secretsecretsecret"
+
+
+@pytest.fixture
+def hub(monkeypatch):
+    monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_DISABLE_XET", True)
+    monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_DISABLE_PROGRESS_BARS", True)
+    with running() as hub:
+        monkeypatch.setattr(huggingface_hub.constants, "ENDPOINT", hub.address)
+        yield hub
+
+
+@pytest.fixture
+def export(tmp_path):
+    """A Parquet export of two episodes."""
+    paths = [make_episode(episode_path(tmp_path, slot=i), slot=i, seed=i, frames=3, cameras=("head_camera",)) for i in range(2)]
+    run("parquet", tmp_path, tmp_path / "out", paths)
+    return tmp_path / "out"
+
+
+def test_every_file_arrives_as_it_is(hub, export):
+    before = {p.relative_to(export).as_posix(): p.read_bytes() for p in export.rglob("*") if p.is_file()}
+    shipment = prepare(export, "me/set", private=True)
+    assert set(shipment.files) == set(before) and shipment.bytes == sum(map(len, before.values()))
+    url = publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
+    assert url.endswith("/datasets/me/set") and "private" in (hub.repos["me/set"].get("visibility"), *hub.repos["me/set"])
+    assert hub.files == before and hub.tags == []
+    assert {who for _, path, who in hub.log if path.startswith("/api/datasets/")} == {f"Bearer {TOKEN}"}
+    assert prepare(export, "me/set", private=True).files == shipment.files
+
+
+def test_a_refusal_is_one_line_without_the_token_and_the_next_try_goes_on(hub, export):
+    hub.broken = {"/commit/": 1}
+    shipment, api = prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN)
+    with pytest.raises(ExportError) as error:
+        publish(shipment, api)
+    assert "me/set: the hub refused: " in str(error.value) and "\n" not in str(error.value) and TOKEN not in str(error.value)
+    publish(shipment, api)
+    sent = [path for method, path, _ in hub.log if method == "PUT"]
+    publish(shipment, api)
+    assert [path for method, path, _ in hub.log if method == "PUT"] == sent and len(sent) >= 1
+
+
+def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
+    summary = json.loads((export / "export.json").read_text())
+    (export / "export.json").write_text(json.dumps(summary | {"format": "lerobot"}))
+    publish(prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN))
+    assert hub.tags == ["v3.0"]
+    front, text = read_card(export / "README.md")
+    assert f"{VISUALIZER}me/set" in text and front["configs"] and hub.files["README.md"] == (export / "README.md").read_bytes()
+    assert with_badge(text, "other/name").count(VISUALIZER) == 1 and "other/name" in with_badge(text, "other/name")
+
+
+def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export, monkeypatch):
+    (export / "README.md").unlink()
+    monkeypatch.setattr("pipeline.export.publish.FILES_OF_A_FOLDER", 2)
+    monkeypatch.setattr("pipeline.export.publish.GROUP_BYTES", 90_000)
+    pq.write_table(pa.table({"x": [b"\0" * 1000] * 100}), export / "large.parquet", compression="zstd", use_dictionary=False)
+    shipment = prepare(export, "me/set", private=False)
+    said = shipment.said()
+    assert "./ has 4 files, 2 are allowed" in said and "no card can be read" in said
+    assert "large.parquet has a row group of" in said
+    with pytest.raises(ExportError, match="are allowed"):
+        publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
+    assert hub.log == []
+
+
+def test_the_words_of_a_shipment(export):
+    shipment = prepare(export, "me/set", private=False)
+    assert "a PUBLIC dataset repository me/set" in shipment.said() and "a private" in replace(shipment, private=True).said()
+    for name in ("a//b", "a b", "x" * 200):
+        with pytest.raises(ExportError, match="--repo-id"):
+            prepare(export, name, private=False)

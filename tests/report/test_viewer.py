@@ -1,0 +1,115 @@
+"""The viewer: its data against the episode, and the page itself in a browser without a network, by clicks and keys."""
+
+import base64
+import json
+import re
+import threading
+import urllib.error
+import urllib.request
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.annotate.masks import pack
+from pipeline.annotate.store import annotation_path, write_entry, write_stage
+from pipeline.data.cameras import project
+from pipeline.data.episode import open_episode
+from pipeline.report.viewer import choose, viewer_server, write_viewer
+from pipeline.report.viewer.data import episode_data
+from tests.browser import browse, needs_browser
+from tests.synthetic import COLORS, episode_path, make_episode
+
+FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """A dataset of two episodes, the first with a mask of the target in the head camera."""
+    root = tmp_path_factory.mktemp("viewed")
+    paths = [make_episode(episode_path(root, slot=i, level=i + 1), slot=i, seed=i, level=i + 1, frames=FRAMES) for i in range(2)]
+    mask = np.zeros((FRAMES, 1, 240, 320), bool)
+    mask[:, :, 100:121, 50:91] = True
+    write_stage(root, "masks@00000001", {"stage": "masks", "version": 1, "parameters": {"camera": "head_camera"}})
+    place = annotation_path(root, "masks@00000001", paths[0].relative_to(root / "episodes"))
+    write_entry(place, "key", {"mask": pack(mask)}, {"objects": ["target"], "height": 240, "width": 320})
+    return root, paths
+
+
+def test_what_is_shown_is_the_episode(dataset):
+    root, (path, other) = dataset
+    shown = episode_data(path, root)
+    with open_episode(path) as e:
+        np.testing.assert_allclose(np.array(shown["state"]).T, e.array("joint_state/vector"), atol=1e-4)
+        np.testing.assert_allclose(np.array(shown["action"]).T, e.array("joint_action/vector"), atol=1e-4)
+        np.testing.assert_allclose(np.array(shown["path"]["target"]).T, e.array("target/pose")[:, :3], atol=1e-4)
+        kind = e.meta.drawing.cameras["head_camera"].camera("head_camera").type
+        uv, _ = project(kind, e.array("observation/head_camera/pose")[2], e.array("target/pose")[2, :3])
+        np.testing.assert_allclose(shown["cameras"]["head_camera"]["track"][2], uv, atol=0.06)
+    assert [event["name"] for event in shown["events"]] == ["meeting", "release", "success"]
+    assert shown["spans"] == [{"name": "left touches", "start": 4 / 15, "end": 5 / 15}]
+    for camera, color in COLORS.items():
+        jpeg = base64.b64decode(shown["cameras"][camera]["images"][0].split(",")[1])
+        rgb = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+        assert (np.abs(rgb.astype(int) - color).max(-1) < 30).sum() > 1000
+    corners = np.array(shown["cameras"]["head_camera"]["outlines"][0][0])
+    assert corners.min(0).tolist() == [50, 100] and corners.max(0).tolist() == [90, 120]
+    assert episode_data(other, root)["cameras"]["head_camera"]["outlines"] == []
+
+
+def test_a_choice_is_spread():
+    assert choose([*"abcdefgh"], 3) == ["a", "c", "f"] and choose([*"ba"], 3) == ["a", "b"]
+
+
+def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
+    root, paths = dataset
+    with viewer_server(root, paths, 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            host, port = server.server_address[:2]
+            assert host == "127.0.0.1"
+            read = lambda name: urllib.request.urlopen(f"http://{host}:{port}/{name}").read().decode()  # noqa: E731
+            assert "<title>" in read("") and json.loads(re.fullmatch(r"DOMINO = (.*);\n", read("list.js"))[1])["total"] == 2
+            assert read("episode_1.js").startswith("episodeLoaded(1, {")
+            for name in ("episode_2.js", "../manifest.yaml", "episodes/", "episode_0.hdf5"):
+                with pytest.raises(urllib.error.HTTPError, match="404"):
+                    read(name)
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@needs_browser
+def test_a_person_looks_through_the_pages(dataset, tmp_path):
+    root, paths = dataset
+    page_file = write_viewer(root, paths, tmp_path / "view", 7)
+    with browse(page_file.as_uri(), tmp_path / "profile") as page:
+        page.wait("document.querySelectorAll('#wall figure').length == 2")
+        assert page.run("at('count').textContent") == "2 of 2 episodes, chosen from 7"
+        page.run("at('level').value = '2'; at('level').onchange()")
+        assert page.run("document.querySelectorAll('#wall figure').length") == 1
+        page.run("at('level').value = 'all'; at('level').onchange()")
+        page.click("#wall figure:nth-child(1)")
+        page.wait("!at('episode').hidden && document.querySelectorAll('.js-plotly-plot').length == 3 && frame == 0 && !!data")
+        page.press("ArrowRight")
+        page.press("ArrowRight")
+        page.press("ArrowLeft")
+        assert page.run("at('clock').textContent") == f"frame 1 of {FRAMES}, 0.07 s"
+        page.press("End")
+        assert page.run("frame") == FRAMES - 1
+        page.press("n")
+        page.wait("shown == 1 && data.file.includes('L2')")
+        page.press("p")
+        page.wait("shown == 0 && data.file.includes('L1') && frame == 0")
+        with open_episode(paths[0]) as e:
+            # the middle of the wrist image, away from its square, is as in the episode
+            x, y = 300, 220
+            wanted = e.rgb("left_camera", 0)[y, x].astype(int)
+        got = page.run(f"[...at('canvas-left_camera').getContext('2d').getImageData({x}, {y}, 1, 1).data].slice(0, 3)")
+        assert np.abs(np.array(got) - wanted).max() < 12
+        seen = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert seen.shape[1] == 1300 and seen.std() > 10
+        page.click("#to-failures")
+        assert page.run("at('failures').textContent") == "no attempt failed"
+        assert page.errors == []
