@@ -19,7 +19,7 @@ from training.puma.loader import Loader
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.shards import Row
-from training.puma.train import groups, sizes_of
+from training.puma.train import groups, on, sizes_of
 
 EPISODE = 100
 """Frames of a made-up episode."""
@@ -74,7 +74,7 @@ def learning(corpus: Corpus, network: Puma, device: torch.device) -> dict[str, f
     config = corpus.config
     batch = Loader(corpus, network.words).make()
     inputs = batch.inputs.to(device)
-    targets = type(batch.targets)(**{k: v if v is None else v.to(device) for k, v in vars(batch.targets).items()})
+    targets = on(batch.targets, device)
     optimizer = torch.optim.AdamW(groups(network, config.train))
     half = torch.autocast(device.type, torch.bfloat16, enabled=config.train.precision == "bf16")
 

@@ -141,6 +141,18 @@ def load_weights(network: nn.Module, folder: Path) -> None:
         raise TrainError(f"{folder}: weights are of another network: {', '.join([*missing, *unexpected][:3])}")
 
 
+def begin_from(network: nn.Module, folder: Path) -> None:
+    """Put the weights of a checkpoint into a network that may have adapters beside them. Raises TrainError."""
+    held = load_file(folder / "model.safetensors")
+    weights = {name: held.get(name, held.get(name.replace(".base_layer", ""))) for name in network.state_dict()}
+    found = {name: value for name, value in weights.items() if value is not None}
+    lacking = [name for name in weights if name not in found and ".lora_" not in name]
+    wrong = [name for name, value in network.state_dict().items() if name in found and found[name].shape != value.shape]
+    if lacking or wrong:
+        raise TrainError(f"{folder}: weights are of another network: {', '.join([*lacking, *wrong][:3])}")
+    network.load_state_dict(found, strict=False)
+
+
 def load_optimizer(network: nn.Module, optimizer: torch.optim.Optimizer, folder: Path) -> None:
     """Put back the state of the optimiser and of the generator of torch. Raises TrainError."""
     try:

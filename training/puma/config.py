@@ -130,6 +130,8 @@ class Train(_Part):
     accumulate: Annotated[int, Field(ge=1)] = 1
     """Parts into which a step's samples are cut."""
     seed: Annotated[int, Field(ge=0)] = 0
+    start: Path | None = None
+    """A run or checkpoint whose weights and scales a new run begins with, for example to adapt to other levels."""
     backbone_rate: Annotated[float, Field(gt=0)] = 1e-5
     head_rate: Annotated[float, Field(gt=0)] = 1e-4
     floor_rate: Annotated[float, Field(ge=0)] = 5e-7

@@ -4,7 +4,7 @@ import json
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +58,12 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     main = accelerator.is_main_process
     _claim(config, out, main)
     corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
+    if config.train.start is not None:
+        corpus = _as_before(corpus, checkpoint.load(config.train.start))
     torch.manual_seed(config.train.seed)
     network = build_model(config, sizes_of(corpus))
+    if config.train.start is not None:
+        checkpoint.begin_from(network, checkpoint.load(config.train.start).path)
     optimizer = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
     loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
     held, step = checkpoint.checkpoints(out), 0
@@ -146,7 +150,7 @@ class _Run:
         totals: dict[str, float] = {}
         for part in parts_of(batch, settings.accumulate):
             start = time.perf_counter()
-            inputs, targets = part.inputs.to(device), _on(part.targets, device)
+            inputs, targets = part.inputs.to(device), on(part.targets, device)
             if not self._flops:
                 self._flops = step_flops(self.network, inputs)
             losses = self.network.losses(self.model(inputs), targets)
@@ -211,7 +215,7 @@ def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict
     with torch.inference_mode():
         for part in corpus.validation:
             for inputs, targets, _ in validation_batches(part, network.config, corpus, network.words):
-                targets = _on(targets, device)
+                targets = on(targets, device)
                 outputs = network(inputs.to(device))
                 for name, value in network.losses(outputs, targets).items():
                     totals[name] = totals.get(name, 0.0) + float(value) * len(inputs)
@@ -234,7 +238,7 @@ def _sliced[T](values: T, rows: slice) -> T:
     return type(values)(**{name: None if v is None else v[rows] for name, v in vars(values).items()})
 
 
-def _on[T](values: T, device: torch.device | str) -> T:
+def on[T](values: T, device: torch.device | str) -> T:
     return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
 
 
@@ -252,6 +256,17 @@ def _claim(config: Config, out: Path, main: bool) -> None:
         out.mkdir(parents=True, exist_ok=True)
         sweep(out)
         write_atomic(path, config.to_yaml().encode())
+
+
+def _as_before(corpus: Corpus, held: checkpoint.Loaded) -> Corpus:
+    """The corpus with the scales of a checkpoint. Raises TrainError where anything else of its preprocessing differs."""
+    before, now = held.preprocessing, corpus.preprocessing
+    scales = {"state": before.state, "action": before.action}
+    if replace(now, **scales) != before:
+        values = zip(before.to_dict().items(), now.to_dict().values(), strict=True)
+        [key, *_] = [key for (key, old), new in values if old != new and key not in scales]
+        raise TrainError(f"{held.path}: was trained with another {key}: choose another train.start, or the data it was made for")
+    return replace(corpus, preprocessing=before)
 
 
 def _resume(path: Path, network: Puma, loader: Loader, corpus: Corpus) -> int:

@@ -220,3 +220,22 @@ def test_images_of_an_episode_file_reach_the_network_unchanged(run: Path, datase
     cached = np.load(next(cache.glob("*/image_left_camera.npy")), mmap_mode="r")
     np.testing.assert_array_equal(inputs.views[0, 1].numpy(), cached[0])
     assert inputs.clock is not None and inputs.clock.tolist() == [[0.0]]
+
+
+def test_adapters_begin_from_a_trained_policy(dataset: Path, cache: Path, tmp_path: Path):
+    backbone = {"kind": "qwen3-vl", "name": str(qwen_json(tmp_path / "q.json")), "weights": "random"}
+    first = with_train(config_of(dataset, cache, backbone=backbone), validate_every=100)
+    train(first, tmp_path / "first", steps=1, quiet=True)
+    adapted = config_of(dataset, cache, backbone=backbone | {"lora": {"rank": 2}})
+    adapted = with_train(adapted, start=tmp_path / "first", validate_every=100)
+    train(adapted, tmp_path / "second", steps=2, quiet=True)
+    before, after = (load_file(checkpoint.newest(tmp_path / n) / "model.safetensors") for n in ("first", "second"))
+    same = [n for n in after if n.startswith("backbone.") and ".lora_" not in n]
+    assert all(torch.equal(after[name], before[name.replace(".base_layer", "")]) for name in same)
+    assert any(value.any() for name, value in after.items() if "lora_B" in name)
+    wider = with_train(config_of(dataset, cache), start=tmp_path / "first")
+    with pytest.raises(TrainError, match="weights are of another network"):
+        train(wider, tmp_path / "third", quiet=True)
+    other = wider.model_copy(update={"data": wider.data.model_copy(update={"image_size": (64, 64)})})
+    with pytest.raises(TrainError, match="was trained with another image_size"):
+        train(other, tmp_path / "fourth", quiet=True)
