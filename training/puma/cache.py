@@ -1,0 +1,144 @@
+"""Decoded arrays of one dataset at the size of the network: NumPy files, memory-mapped, made once and found again by their key.
+
+    KEY/meta.json              names, rates, sizes, and the rows of episodes
+    KEY/image_<camera>.npy     (N,h,w,3) uint8
+    KEY/past.npy               (N,fh,fw,3) uint8: the flow map that ends at the frame, or the frame itself, small
+    KEY/state.npy, action.npy  (N,A) float32; time.npy (N,) s; position.npy (N,3) m of the target
+    KEY/world.npy, valid.npy   (N,D) float16 of the target and whether it is known (N,)
+
+N counts the frames of all episodes, one after the other.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.atomic import atomic_directory
+from pipeline.data.jpeg import EpisodeError, decode_frame
+from pipeline.data.keys import digest
+from training.puma.config import Config, Source
+from training.puma.errors import TrainError
+from training.puma.preprocess import color_maps, colour_of, resized
+from training.puma.shards import Row, Shard, Shards
+
+VERSION = 1
+"""Raised whenever the code would make other arrays from the same input."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(eq=False)
+class Cache:
+    """The arrays of one dataset. `start` (E,) is the first frame of each episode."""
+
+    path: Path
+    fps: int
+    names: tuple[str, ...]
+    source_sizes: dict[str, tuple[int, int]]
+    rows: list[Row]
+    arrays: Mapping[str, NDArray[Any]]
+
+    @property
+    def length(self) -> NDArray[np.int64]:
+        """Frames of each episode (E,)."""
+        return np.array([row.length for row in self.rows], np.int64)
+
+    @property
+    def start(self) -> NDArray[np.int64]:
+        return np.concatenate([[0], np.cumsum(self.length)[:-1]])
+
+
+def cache_root(config: Config) -> Path:
+    """Where caches are kept."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return config.data.cache or home / "domino-data" / "puma"
+
+
+def open_cache(source: Source, config: Config, tell: Tell = lambda text: None) -> Cache:
+    """The cache of a dataset, made where it is missing. Raises TrainError for what `Shards` finds wrong."""
+    shards = Shards(source, config)
+    model, data = config.model, config.data
+    key = digest(
+        {
+            "version": VERSION,
+            "shards": shards.digest,
+            "cameras": data.cameras,
+            "sizes": [data.image_size, data.flow_size],
+            "past": [model.history, asdict(colour_of(config))],
+            "world": model.world,
+        }
+    )
+    path = cache_root(config) / key
+    if not (path / "meta.json").exists():
+        tell(f"decoding {len(shards.rows)} episodes of {source.dataset} to {path}")
+        try:
+            with atomic_directory(path) as folder:
+                _write(folder, shards, config)
+        except EpisodeError as error:
+            raise TrainError(f"{shards.root}: {error}; run: domino-data export {source.dataset} --format parquet") from error
+    return _read(path)
+
+
+def _read(path: Path) -> Cache:
+    meta = json.loads((path / "meta.json").read_text())
+    rows = [Row(**(row | {"instructions": tuple(row["instructions"])})) for row in meta["rows"]]
+    arrays = {file.stem: np.load(file, mmap_mode="r", allow_pickle=False) for file in sorted(path.glob("*.npy"))}
+    sizes = {name: (size[0], size[1]) for name, size in meta["source_sizes"].items()}
+    return Cache(path, meta["fps"], tuple(meta["names"]), sizes, rows, arrays)
+
+
+def _write(folder: Path, shards: Shards, config: Config) -> None:
+    names = {shards.names[row.embodiment] for row in shards.rows}
+    if len(names) > 1:
+        raise TrainError(f"{shards.dataset}: robots with different joints cannot share a run: choose one (where: embodiment=...)")
+    frames, place = sum(row.length for row in shards.rows), 0
+    out: dict[str, NDArray[Any]] = {}
+    sizes: dict[str, tuple[int, int]] = {}
+    for shard in shards:
+        arrays = _arrays(shard, config, sizes)
+        for name, values in arrays.items():
+            if name not in out:
+                shape = (frames, *values.shape[1:])
+                out[name] = np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=values.dtype, shape=shape)
+            out[name][place : place + shard.row.length] = values
+        place += shard.row.length
+    for array in out.values():
+        array.flush()  # pyright: ignore[reportAttributeAccessIssue]
+    meta = {"fps": shards.fps, "names": names.pop(), "source_sizes": sizes, "rows": [asdict(row) for row in shards.rows]}
+    (folder / "meta.json").write_text(json.dumps(meta))
+
+
+def _arrays(shard: Shard, config: Config, sizes: dict[str, tuple[int, int]]) -> dict[str, NDArray[Any]]:
+    """The arrays (T, ...) of one episode. `sizes` collects the image size of each camera."""
+    model, data = config.model, config.data
+    out: dict[str, NDArray[Any]] = {
+        "time": shard.time,
+        "state": shard.state,
+        "action": shard.action,
+        "position": shard.target[:, :3],
+    }
+    for i, camera in enumerate(data.cameras):
+        images = [decode_frame(jpeg) for jpeg in shard.images[camera]]
+        shape = images[0].shape[:2]
+        if sizes.setdefault(camera, (shape[0], shape[1])) != shape:
+            raise TrainError(f"{shard.row.source}: images of {camera} are {shape[0]}x{shape[1]}, others {sizes[camera]}")
+        out[f"image_{camera}"] = np.stack([resized(image, data.image_size) for image in images])
+        if i == 0 and model.history == "frames":
+            out["past"] = np.stack([resized(image, data.flow_size) for image in images])
+    if model.history == "flow":
+        out["past"] = color_maps(shard.annotations["flow"]["flow"], colour_of(config))
+    if model.world == "features":
+        found = shard.annotations["features"]
+        out["world"], out["valid"] = found["feature"].astype(np.float16), found["valid"]
+    elif model.world == "boxes":
+        found = shard.annotations["masks"]
+        # corners (px) as fractions of the image
+        out["world"] = (found["box"] / np.tile(found["size"], 2)).astype(np.float16)
+        out["valid"] = found["valid"]
+    return out

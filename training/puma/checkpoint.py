@@ -1,0 +1,175 @@
+"""Checkpoints: directories of safetensors and JSON that appear whole, hold everything a run needs to go on, and act by themselves.
+
+model.safetensors       weights
+optimizer.safetensors   state of AdamW by the name of the weight, and the generator of torch
+state.json              step, sampler, hashes of the others
+config.yaml, preprocessing.json
+policy.py               `domino-data evaluate --policy CHECKPOINT/policy.py`
+README.md               the model card
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from pipeline.data.atomic import atomic_directory, remove
+from pipeline.data.keys import file_hash
+from training.puma.config import Config, parse_config
+from training.puma.errors import TrainError
+from training.puma.model.puma import Puma, Sizes, build_model
+from training.puma.preprocess import Preprocessing
+
+SCHEMA = 1
+POLICY = '''"""A PUMA policy, weights {weights}: domino-data evaluate --policy THIS_FILE --cameras {cameras}"""
+
+from pathlib import Path
+
+from training.puma.policy import PumaPolicy
+
+
+def make_policy() -> PumaPolicy:
+    return PumaPolicy.load(Path(__file__).parent)
+'''
+
+
+@dataclass(eq=False)
+class Loaded:
+    """A checkpoint: `step` optimiser steps done, and where the sampler stood."""
+
+    path: Path
+    step: int
+    sampler: dict[str, Any]
+    config: Config
+    preprocessing: Preprocessing
+    sizes: Sizes
+
+    def model(self) -> Puma:
+        """The network with its trained weights. Raises TrainError for weights of another network."""
+        network = build_model(self.config, self.sizes, trained=True)
+        load_weights(network, self.path)
+        return network
+
+
+@dataclass(eq=False)
+class Standing:
+    """What a run saves of itself beside weights."""
+
+    step: int
+    sampler: dict[str, Any]
+    card: str
+
+
+def save(folder: Path, network: Puma, optimizer: torch.optim.Optimizer, preprocessing: Preprocessing, standing: Standing) -> None:
+    """Write a checkpoint. Raises OSError where the disk refuses; nothing half-written is left."""
+    with atomic_directory(folder) as part:
+        save_file({name: value.contiguous() for name, value in network.state_dict().items()}, part / "model.safetensors")
+        save_file(_optimizer_state(network, optimizer), part / "optimizer.safetensors")
+        text = json.dumps(preprocessing.to_dict(), indent=1)
+        (part / "preprocessing.json").write_text(text + "\n")
+        (part / "config.yaml").write_text(network.config.to_yaml())
+        weights = file_hash(part / "model.safetensors")[:16]
+        state = {
+            "schema": SCHEMA,
+            "step": standing.step,
+            "sampler": standing.sampler,
+            "sizes": vars(network.sizes),
+            "weights": weights,
+            "preprocessing": preprocessing.digest,
+        }
+        (part / "state.json").write_text(json.dumps(state, indent=1) + "\n")
+        (part / "policy.py").write_text(POLICY.format(weights=weights, cameras=",".join(preprocessing.cameras)))
+        (part / "README.md").write_text(standing.card)
+
+
+def load(folder: Path) -> Loaded:
+    """Read what a checkpoint says, without its weights. Raises TrainError, one line."""
+    folder = newest(folder)
+    try:
+        state = json.loads((folder / "state.json").read_text())
+        preprocessing = Preprocessing.from_dict(json.loads((folder / "preprocessing.json").read_text()))
+        config = parse_config(yaml.safe_load((folder / "config.yaml").read_text()), str(folder / "config.yaml"))
+        if state["schema"] != SCHEMA:
+            raise ValueError(f"its schema is {state['schema']}, not {SCHEMA}")
+        if preprocessing.digest != state["preprocessing"]:
+            raise ValueError("preprocessing.json is not the one that the weights were trained with")
+        return Loaded(folder, state["step"], state["sampler"], config, preprocessing, Sizes(**state["sizes"]))
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise TrainError(f"{folder}: is no checkpoint that can be used ({' '.join(str(error).split())[:200]})") from error
+
+
+def newest(folder: Path) -> Path:
+    """The checkpoint in a directory: itself, or the newest of a run. Raises TrainError where there is none."""
+    if (folder / "state.json").exists():
+        return folder
+    found = checkpoints(folder)
+    if not found:
+        raise TrainError(f"{folder}: holds no checkpoint; run: puma train --out {folder}")
+    return found[-1]
+
+
+def checkpoints(run: Path) -> list[Path]:
+    """Checkpoints of a run, the oldest first."""
+    return sorted(path.parent for path in (run / "checkpoints").glob("step_*/state.json"))
+
+
+def checkpoint_path(run: Path, step: int) -> Path:
+    """Where the checkpoint of a step goes."""
+    return run / "checkpoints" / f"step_{step:08d}"
+
+
+def prune(run: Path, keep: int) -> None:
+    """Leave the newest `keep` checkpoints."""
+    for old in checkpoints(run)[:-keep]:
+        remove(old)
+
+
+def load_weights(network: nn.Module, folder: Path) -> None:
+    """Put the weights of a checkpoint into a network of the same shape. Raises TrainError."""
+    try:
+        missing, unexpected = network.load_state_dict(load_file(folder / "model.safetensors"), strict=False)
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise TrainError(f"{folder}: weights cannot be loaded ({' '.join(str(error).split())[:200]})") from error
+    if missing or unexpected:
+        raise TrainError(f"{folder}: weights are of another network: {', '.join([*missing, *unexpected][:3])}")
+
+
+def begin_from(network: nn.Module, folder: Path) -> None:
+    """Put the weights of a checkpoint into a network that may have adapters beside them. Raises TrainError."""
+    held = load_file(folder / "model.safetensors")
+    weights = {name: held.get(name, held.get(name.replace(".base_layer", ""))) for name in network.state_dict()}
+    found = {name: value for name, value in weights.items() if value is not None}
+    lacking = [name for name in weights if name not in found and ".lora_" not in name]
+    wrong = [name for name, value in network.state_dict().items() if name in found and found[name].shape != value.shape]
+    if lacking or wrong:
+        raise TrainError(f"{folder}: weights are of another network: {', '.join([*lacking, *wrong][:3])}")
+    network.load_state_dict(found, strict=False)
+
+
+def load_optimizer(network: nn.Module, optimizer: torch.optim.Optimizer, folder: Path) -> None:
+    """Put back the state of the optimiser and of the generator of torch. Raises TrainError."""
+    try:
+        held = load_file(folder / "optimizer.safetensors")
+        torch.set_rng_state(held.pop("generator"))
+        for name, weight in network.named_parameters():
+            parts = {key: held[f"{name}|{key}"] for key in ("step", "exp_avg", "exp_avg_sq") if f"{name}|{key}" in held}
+            if parts:
+                optimizer.state[weight] = {k: v if k == "step" else v.to(weight.device) for k, v in parts.items()}
+    except (OSError, SafetensorError, KeyError) as error:
+        raise TrainError(f"{folder}: the optimiser's state cannot be loaded ({' '.join(str(error).split())[:200]})") from error
+
+
+def _optimizer_state(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    out = {"generator": torch.get_rng_state()}
+    state: Mapping[Any, dict[str, Tensor]] = optimizer.state
+    for name, weight in network.named_parameters():
+        for key, value in state.get(weight, {}).items():
+            out[f"{name}|{key}"] = value.contiguous()
+    return out

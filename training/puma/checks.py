@@ -1,0 +1,94 @@
+"""Two checks of a training set-up: one batch can be learned by heart, and a trained policy sees what it was trained on."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pipeline.data.jpeg import decode_frame
+from pipeline.evaluate.policy import Observation, Start
+from training.puma import checkpoint
+from training.puma.config import Config, Source
+from training.puma.data import Corpus, Part, batch_of, open_corpus
+from training.puma.loader import Loader
+from training.puma.model.puma import build_model
+from training.puma.policy import PumaPolicy
+from training.puma.shards import Shard, Shards
+from training.puma.train import groups, sizes_of
+
+
+def overfit(config: Config, steps: int) -> dict[str, Any]:
+    """Train on one batch; its loss before and after, and the number of samples."""
+    corpus = open_corpus(config)
+    torch.manual_seed(config.train.seed)
+    network = build_model(config, sizes_of(corpus))
+    optimizer = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
+    batch = Loader(corpus, network.words).make()
+    losses: list[float] = []
+    for step in range(steps):
+        for group in optimizer.param_groups:
+            group["lr"] = group["peak"] * (1 - step / steps)
+        loss = network.losses(network(batch.inputs), batch.targets)["loss"]
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), config.train.clip)
+        optimizer.step()
+        losses.append(float(loss.detach()))
+    return {"first": losses[0], "last": losses[-1], "samples": len(batch.inputs)}
+
+
+def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> dict[str, Any]:
+    """Show recorded episodes of the validation split (or of `data`) to a policy, as an evaluation would.
+
+    `errors` by joint and `error` over all: mean absolute difference (rad, grippers 0-1) of the policy's chunks from what was
+    commanded; `different` counts inputs that are not those that training makes of the same frame.
+    """
+    held = checkpoint.load(folder)
+    config = held.config
+    if data:
+        sources = tuple(Source(dataset=path) for path in data)
+        config = config.model_copy(update={"data": config.data.model_copy(update={"sources": sources})})
+    policy = PumaPolicy(held.model(), held.preprocessing)
+    corpus = open_corpus(config)
+    wrong, answers, different, shown = np.zeros(len(held.preprocessing.names)), 0, 0, 0
+    for source, part in zip(config.data.sources, corpus.validation or corpus.train, strict=True):
+        shards = Shards(source, config)
+        for number in sorted({*part.episode.tolist()})[:episodes]:
+            shard = shards.read(shards.rows[number])
+            errors, unlike = _replay(policy, shard, Corpus(config, [part], [], held.preprocessing), number)
+            wrong, answers, different, shown = wrong + sum(errors), answers + len(errors), different + unlike, shown + 1
+    means = wrong / max(answers, 1)
+    return {
+        "errors": dict(zip(held.preprocessing.names, means.tolist(), strict=True)),
+        "error": float(means.mean()),
+        "answers": answers,
+        "episodes": shown,
+        "different": different,
+    }
+
+
+def _replay(policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int) -> tuple[list[np.ndarray], int]:
+    """Mean errors (A,) of every chunk of one episode, and how many inputs differ from those of training."""
+    prep, part = policy.preprocessing, corpus.train[0]
+    words, sizes = shard.row.instructions[0], prep.source_sizes
+    policy.reset(Start(words, shard.row.embodiment, prep.names, prep.fps, prep.cameras, 0, sizes))
+    places = np.flatnonzero(part.episode == number)
+    errors, different = list[np.ndarray](), 0
+    for t in range(0, shard.row.length - 1, policy.period):
+        images = {camera: decode_frame(shard.images[camera][t]) for camera in prep.cameras}
+        seen = Observation(shard.state[t].astype(np.float64), words, float(shard.time[t]), images)
+        policy.act(seen)
+        if t % policy.execute.actions:
+            continue
+        wanted = batch_of(Part(part.cache, *(a[places] for a in _columns(part))), np.array([t]), corpus.config, prep)
+        given = policy.arrays(seen)
+        different += sum(not np.array_equal(given[name], wanted[name]) for name in given)
+        recorded = shard.action[t : min(t + policy.config.model.chunk, shard.row.length - 1)]
+        errors.append(np.abs(policy.plan(seen)[: len(recorded)] - recorded).mean(0))
+    return errors, different
+
+
+def _columns(part: Part) -> tuple[np.ndarray, ...]:
+    return part.frame, part.first, part.last, part.episode

@@ -1,0 +1,153 @@
+"""The command `puma`: train, evaluate, serve, and check a policy."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.data.errors import DominoError
+
+app = typer.Typer(help="Train and run PUMA, a policy for moving objects.", no_args_is_help=True, add_completion=False)
+
+Checkpoint = Annotated[Path, typer.Argument(help="A checkpoint, or the directory of a run: its newest one.", metavar="CHECKPOINT")]
+Configuration = Annotated[str, typer.Option("--config", help="A YAML file, or the name of a configuration (`puma configs`).")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="A key of the configuration, such as train.steps=1000.")]
+Datasets = Annotated[list[Path] | None, typer.Option("--data", help="A dataset directory; several make a mixture of equal shares.")]
+Out = Annotated[Path, typer.Option(help="Directory of the run; the same command again goes on where it stopped.")]
+Quiet = Annotated[bool, typer.Option(help="No progress bar.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
+
+
+def _config(name: str, settings: list[str] | None, data: list[Path] | None):
+    from training.puma.config import read_config
+
+    extra = [f"data.sources={json.dumps([{'dataset': str(path)} for path in data])}"] if data else []
+    return read_config(name, [*extra, *(settings or [])])
+
+
+@app.command()
+def train(
+    out: Out,
+    config: Configuration = "puma-tiny",
+    data: Datasets = None,
+    settings: Settings = None,
+    quiet: Quiet = False,
+) -> None:
+    """Train, or go on training."""
+    from training.puma.train import train as run
+
+    result = run(_config(config, settings, data), out, quiet=quiet)
+    print(f"{result.checkpoint}")
+
+
+@app.command(name="eval", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def evaluate(context: typer.Context, folder: Checkpoint) -> None:
+    """Evaluate in closed loop: `domino-data evaluate` with this policy and its cameras; all of its options can be given."""
+    from pipeline.cli import app as domino
+    from training.puma import checkpoint
+
+    held = checkpoint.load(folder)
+    cameras = ",".join(held.preprocessing.cameras)
+    domino(["evaluate", "--policy", str(held.path / "policy.py"), "--cameras", cameras, *context.args], prog_name="puma eval")
+
+
+@app.command()
+def serve(
+    folder: Checkpoint,
+    host: Annotated[str, typer.Option(help="Others than loopback want a token in DOMINO_POLICY_TOKEN.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free port.")] = 8765,
+    clients: Annotated[int, typer.Option(min=1, help="Clients at the same time.")] = 1,
+    compiled: Annotated[bool, typer.Option("--compile", help="Compile the network; the first answers are slow.")] = False,
+) -> None:
+    """Serve a policy to `domino-data evaluate --policy ws://HOST:PORT`."""
+    from pipeline.evaluate.serving.address import token
+    from pipeline.evaluate.serving.server import Place
+    from training.puma.serve import label, server
+
+    def started(port: int) -> None:
+        print(f"serving {label(folder)} on ws://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
+
+    server(folder, Place(host, port, token()), clients, compiled, lambda line: print(line, file=sys.stderr)).run(started)
+
+
+@app.command()
+def overfit(
+    config: Configuration = "puma-tiny",
+    data: Datasets = None,
+    settings: Settings = None,
+    steps: Annotated[int, typer.Option(min=1, help="Steps on the one batch.")] = 300,
+    as_json: AsJson = False,
+) -> None:
+    """Train on one batch until its loss is near zero; exit code 1 where it does not fall to a tenth."""
+    from training.puma.checks import overfit as run
+
+    found = run(_config(config, settings, data), steps)
+    text = f"loss {found['first']:.4f} -> {found['last']:.4f} in {steps} steps on one batch of {found['samples']}"
+    print(json.dumps(found) if as_json else text)
+    if found["last"] > 0.1 * found["first"]:
+        raise typer.Exit(1)
+
+
+@app.command(name="replay-check")
+def replay_check(
+    folder: Checkpoint,
+    data: Datasets = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes to replay.")] = 10,
+    as_json: AsJson = False,
+) -> None:
+    """Show recorded episodes to the policy: its answers against what was commanded, its inputs against those of training."""
+    from training.puma.checks import replay_check as run
+
+    found = run(folder, data, episodes)
+    lines = [f"{name:16} {error:.4f}" for name, error in found["errors"].items()]
+    lines.append(f"mean absolute error over {found['answers']} answers in {found['episodes']} episodes: {found['error']:.4f}")
+    lines.append(f"inputs that differ from training: {found['different']}")
+    print(json.dumps(found) if as_json else "\n".join(lines))
+    if found["different"]:
+        raise typer.Exit(1)
+
+
+@app.command()
+def bench(
+    config: Configuration = "puma-tiny",
+    settings: Settings = None,
+    compiled: Annotated[bool, typer.Option("--compile", help="Measure answers of the compiled network, too.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Measure training, data loading and inference on made-up data."""
+    from training.puma.bench import report
+
+    found = report(_config(config, settings, None), compiled)
+    print(json.dumps(found) if as_json else "\n".join(f"{name:40} {value}" for name, value in found.items()))
+
+
+@app.command()
+def configs() -> None:
+    """List the configurations that come with the package."""
+    from training.puma.config import CONFIGS, names
+
+    for name in names():
+        first = (CONFIGS / f"{name}.yaml").read_text().splitlines()[0]
+        print(f"{name:20} {first.removeprefix('# ')}")
+
+
+def main() -> None:
+    """Entry point: every expected error becomes one line and exit code 2."""
+    # one thread a process unless asked otherwise: workers and evaluators share the cores
+    os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
+    try:
+        app(standalone_mode=True)
+    except DominoError as error:
+        print(f"puma: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"puma: {where}{' '.join((error.strerror or str(error)).split())}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,266 @@
+"""What is trained, on what, and how: read from YAML, every key with a default, unknown keys refused."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from training.puma.errors import TrainError
+
+CONFIGS = Path(__file__).parent / "configs"
+"""Configurations that come with the package, one YAML file each."""
+
+_Size = tuple[Annotated[int, Field(ge=16, le=4096)], Annotated[int, Field(ge=16, le=4096)]]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Lora(_Part):
+    """Low-rank adapters in the attention and feed-forward layers of the language model."""
+
+    rank: Annotated[int, Field(ge=1)] = 16
+    alpha: Annotated[int, Field(ge=1)] = 32
+    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+
+class Backbone(_Part):
+    """The network that reads images and text."""
+
+    kind: Literal["qwen3-vl", "tiny"] = "qwen3-vl"
+    """Qwen3-VL by transformers, or a small network of this project that is always trained from scratch."""
+    name: str = "Qwen/Qwen3-VL-4B-Instruct"
+    """Hub id, local directory, or a config.json of Qwen3-VL; a config has no weights, so it needs `weights: random`."""
+    revision: str | None = None
+    """Commit, branch or tag on the hub."""
+    weights: Literal["pretrained", "random"] = "pretrained"
+    """Where the first weights come from."""
+    lora: Lora | None = None
+    """Train adapters in the language model, and nothing else of the backbone."""
+    width: Annotated[int, Field(ge=16)] = 128
+    """Of the tiny backbone: numbers a token."""
+    layers: Annotated[int, Field(ge=1)] = 3
+    """Of the tiny backbone: transformer layers."""
+    heads: Annotated[int, Field(ge=1)] = 4
+    """Of the tiny backbone: attention heads."""
+    keypoints: Annotated[int, Field(ge=1)] = 32
+    """Of the tiny backbone: points that are located in each image."""
+    words: Annotated[int, Field(ge=64)] = 1024
+    """Entries of the hashed vocabulary, used where no tokenizer comes with the weights."""
+
+
+class Model(_Part):
+    """Inputs, queries and outputs."""
+
+    backbone: Backbone = Backbone()
+    chunk: Annotated[int, Field(ge=1, le=200)] = 16
+    """K: joint targets in one answer."""
+    history: Literal["flow", "frames", "none"] = "flow"
+    """What is shown of the past: flow maps between earlier frames, the frames themselves, or nothing."""
+    history_length: Annotated[int, Field(ge=1, le=16)] = 4
+    """h: maps or frames of the past."""
+    stride: Annotated[int, Field(ge=1, le=60)] = 4
+    """Recorded frames between the two images of a flow pair, and between the moments that are predicted."""
+    flow_scale: Literal["per_map", "fixed"] = "per_map"
+    """Brightness of flow maps: relative to each map (the paper; loses speed), or px of displacement."""
+    flow_full_scale: Annotated[float, Field(gt=0)] = 2.0
+    """px of displacement, at the size of the map, that a fixed scale shows at full brightness."""
+    world: Literal["features", "boxes", "none"] = "features"
+    """What world queries predict of the target: encoder features (the paper), its box in the image, or nothing."""
+    world_queries: Annotated[int, Field(ge=1, le=16)] = 4
+    """N: later moments that are predicted."""
+    state: bool = False
+    """Whether measured joints are an input."""
+    history_times: bool = False
+    """Whether the age (s) of every map of the past is an input."""
+    clock: bool = False
+    """Whether the time (s) since the start of the episode is an input."""
+    oracle: bool = False
+    """Whether the true positions of the target at the predicted moments are an input: an upper bound, not a policy."""
+
+    @property
+    def queries(self) -> int:
+        """World queries (none without `world`), then action queries."""
+        return (0 if self.world == "none" else self.world_queries) + self.chunk
+
+
+class Source(_Part):
+    """One dataset of a mixture."""
+
+    dataset: Path
+    """Directory that `domino-data build` made."""
+    where: str = ""
+    """Which episodes, as in `domino-data annotate --where`."""
+    weight: Annotated[float, Field(gt=0)] = 1.0
+    """Share of the samples."""
+
+
+class Data(_Part):
+    """What is read, and how it is scaled."""
+
+    sources: tuple[Source, ...] = ()
+    """The mixture."""
+    cameras: tuple[str, ...] = ("head_camera", "left_camera", "right_camera")
+    """Images the policy sees; the first one is where the past is looked at."""
+    image_size: _Size = (224, 224)
+    """Height and width of all images at the model."""
+    flow_size: _Size = (64, 64)
+    """Height and width of flow maps: those of the annotation."""
+    flow_source: Literal["farneback", "sim"] = "farneback"
+    """Which flow annotation. A policy can only compute farneback."""
+    normalisation: Literal["min_max", "mean_std", "quantile"] = "min_max"
+    """How joints and actions are scaled."""
+    floor: Annotated[float, Field(gt=0)] = 0.01
+    """Smallest half range or deviation (rad, or of a gripper) that a joint is divided by."""
+    validation: Annotated[float, Field(ge=0, le=0.5)] = 0.05
+    """Share of physics episodes that is kept for validation."""
+    cache: Path | None = None
+    """Where decoded arrays are kept; $XDG_CACHE_HOME/domino-data/puma by default."""
+
+
+class Train(_Part):
+    """Optimisation."""
+
+    steps: Annotated[int, Field(ge=1)] = 100_000
+    batch: Annotated[int, Field(ge=1)] = 64
+    """Samples a step over all processes."""
+    accumulate: Annotated[int, Field(ge=1)] = 1
+    """Parts into which a step's samples are cut."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    start: Path | None = None
+    """A run or checkpoint whose weights and scales a new run begins with, for example to adapt to other levels."""
+    backbone_rate: Annotated[float, Field(gt=0)] = 1e-5
+    head_rate: Annotated[float, Field(gt=0)] = 1e-4
+    floor_rate: Annotated[float, Field(ge=0)] = 5e-7
+    """Learning rate of the backbone at the end; that of the heads ends at the same share of its peak."""
+    warmup: Annotated[int, Field(ge=0)] = 5000
+    betas: tuple[float, float] = (0.9, 0.95)
+    epsilon: float = 1e-8
+    weight_decay: float = 1e-8
+    clip: Annotated[float, Field(gt=0)] = 1.0
+    """Largest norm of the gradient."""
+    world_weight: Annotated[float, Field(ge=0)] = 0.05
+    """lambda: weight of the world loss."""
+    shift: Annotated[int, Field(ge=0, le=32)] = 0
+    """Images of a sample are moved by up to so many px, all by the same."""
+    precision: Literal["no", "bf16"] = "bf16"
+    checkpointing: bool = True
+    """Keep no activations of the backbone; compute them again in the backward pass."""
+    save_every: Annotated[int, Field(ge=1)] = 5000
+    validate_every: Annotated[int, Field(ge=1)] = 1000
+    validation_samples: Annotated[int, Field(ge=1)] = 512
+    keep: Annotated[int, Field(ge=1)] = 2
+    """Checkpoints that stay."""
+    trackers: tuple[Literal["tensorboard", "wandb"], ...] = ()
+
+
+class Execute(_Part):
+    """How a trained policy acts."""
+
+    actions: Annotated[int, Field(ge=1)] = 16
+    """Actions of each chunk that are executed before the next one is asked for."""
+    ensemble: Annotated[float, Field(ge=0)] | None = None
+    """Average all chunks that cover a moment, weights exp(-m i) with i = 0 for the oldest; needs `actions` below the chunk."""
+    blend: Annotated[int, Field(ge=0)] = 0
+    """Actions over which a new chunk takes over from what was left of the one before."""
+
+
+class Config(_Part):
+    """A training run."""
+
+    name: str = "puma"
+    model: Model = Model()
+    data: Data = Data()
+    train: Train = Train()
+    execute: Execute = Execute()
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Config":
+        if self.execute.actions > self.model.chunk:
+            raise ValueError(f"execute.actions {self.execute.actions} is more than model.chunk {self.model.chunk}")
+        if self.execute.ensemble is not None and self.execute.blend:
+            raise ValueError("execute.ensemble and execute.blend exclude each other")
+        if self.train.batch % self.train.accumulate:
+            raise ValueError(f"train.batch {self.train.batch} is no multiple of train.accumulate {self.train.accumulate}")
+        return self
+
+    def to_yaml(self) -> str:
+        """Every key written out."""
+        return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def read_config(name: str, settings: Sequence[str] = ()) -> Config:
+    """A configuration by the name of one that comes with the package, or by a file, changed by settings such as `train.steps=10`.
+
+    A file may name another one under `extends`; its own keys come on top. Raises TrainError, one line.
+    """
+    values = _merged(_path(name))
+    for setting in settings:
+        key, sign, text = setting.partition("=")
+        if not sign:
+            raise TrainError(f"--set {setting!r}: write key=value, for example train.steps=1000")
+        try:
+            _put(values, key.split("."), yaml.safe_load(text))
+        except (yaml.YAMLError, TypeError) as error:
+            raise TrainError(f"--set {setting!r}: {' '.join(str(error).split())}") from error
+    return parse_config(values, name)
+
+
+def parse_config(values: Mapping[str, Any], where: str) -> Config:
+    """A configuration from plain values. Raises TrainError naming `where` and the key."""
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        said = "is unknown" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
+        raise TrainError(f"{where}: {key}{': ' if key and said != 'is unknown' else ' ' if key else ''}{said}") from error
+
+
+def names() -> list[str]:
+    """Configurations that come with the package."""
+    return sorted(path.stem for path in CONFIGS.glob("*.yaml"))
+
+
+def _path(name: str) -> Path:
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml", ".json"):
+        return path
+    if name not in names():
+        raise TrainError(f"--config {name!r} is unknown: give a YAML file or one of {', '.join(names())}")
+    return CONFIGS / f"{name}.yaml"
+
+
+def _merged(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
+    if path in above:
+        raise TrainError(f"{path}: extends itself")
+    try:
+        values = yaml.safe_load(path.read_text()) or {}
+    except OSError as error:
+        raise TrainError(f"{path}: cannot be read ({error.strerror})") from error
+    except yaml.YAMLError as error:
+        raise TrainError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(values, dict):
+        raise TrainError(f"{path}: is no mapping of keys to values")
+    base = values.pop("extends", None)
+    if base is None:
+        return values
+    return _over(_merged(path.parent / f"{base}.yaml", (*above, path)), values)
+
+
+def _over(base: dict[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """`top` on `base`, mappings merged key by key."""
+    out = dict(base)
+    for key, value in top.items():
+        old = out.get(key)
+        out[key] = _over(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return out
+
+
+def _put(values: dict[str, Any], keys: list[str], value: Any) -> None:
+    for key in keys[:-1]:
+        values = values.setdefault(key, {})
+    values[keys[-1]] = value

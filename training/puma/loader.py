@@ -1,0 +1,122 @@
+"""Batches as tensors, made by a thread while the network works on the one before."""
+
+import queue
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from training.puma.config import Config
+from training.puma.data import Arrays, Corpus, Part, mixed_batch
+from training.puma.model.inputs import Inputs, inputs_of
+from training.puma.model.puma import Targets
+from training.puma.model.text import Words
+from training.puma.sampler import Sampler
+
+AHEAD = 2
+"""Batches that are made before they are asked for."""
+
+
+@dataclass(eq=False)
+class Batch:
+    """A batch, and where the sampler stood after it."""
+
+    inputs: Inputs
+    targets: Targets
+    sampler: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Which rows of every batch this process works on: `rank`, `rank + world`, ..."""
+
+    rank: int = 0
+    world: int = 1
+
+
+class Loader:
+    """Endless batches of a corpus. Close it to end its thread."""
+
+    def __init__(self, corpus: Corpus, words: Words, share: Share | None = None) -> None:
+        config = corpus.config
+        self._corpus, self._words, self._share = corpus, words, share or Share()
+        weights = [source.weight for source in config.data.sources]
+        self.sampler = Sampler([len(part) for part in corpus.train], weights, config.train.batch, config.train.seed)
+        self._ready: queue.Queue[Batch | BaseException] = queue.Queue(AHEAD)
+        self._closed = threading.Event()
+
+    def __iter__(self) -> Iterator[Batch]:
+        """Begin. Raises what went wrong on the thread."""
+        threading.Thread(target=self._work, daemon=True).start()
+        while True:
+            found = self._ready.get()
+            if isinstance(found, BaseException):
+                raise found
+            yield found
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closed.set()
+
+    def _work(self) -> None:
+        try:
+            while not self._closed.is_set():
+                self._put(self.make())
+        except Exception as error:  # noqa: BLE001 (raised again where batches are taken)
+            self._put(error)
+
+    def _put(self, item: "Batch | BaseException") -> None:
+        while not self._closed.is_set():
+            try:
+                return self._ready.put(item, timeout=0.2)
+            except queue.Full:
+                continue
+
+    def make(self) -> Batch:
+        """The next batch, here and now."""
+        config, corpus = self._corpus.config, self._corpus
+        step = self.sampler.state()["step"]
+        sources, places = self.sampler.next()
+        rows = slice(self._share.rank, None, self._share.world)
+        draw = sources[rows], places[rows]
+        arrays, texts = mixed_batch(corpus.train, draw, config, corpus.preprocessing)
+        if config.train.shift:
+            shift_images(arrays, config.train.shift, [config.train.seed, step, self._share.rank])
+        return Batch(inputs_of(arrays, texts, config, self._words), targets_of(arrays), self.sampler.state())
+
+
+def targets_of(arrays: Arrays) -> Targets:
+    """Targets of a batch."""
+    tensors = {
+        name: torch.from_numpy(arrays[name]) for name in ("action", "action_valid", "world", "world_valid") if name in arrays
+    }
+    return Targets(**tensors)
+
+
+def validation_batches(part: Part, config: Config, corpus: Corpus, words: Words) -> Iterator[tuple[Inputs, Targets, Arrays]]:
+    """Evenly spaced frames of a part, the same every time, at most `train.validation_samples`."""
+    count = min(len(part), config.train.validation_samples)
+    places = np.linspace(0, len(part) - 1, count).round().astype(np.int64)
+    for start in range(0, count, config.train.batch):
+        some = places[start : start + config.train.batch]
+        arrays, texts = mixed_batch([part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing)
+        yield inputs_of(arrays, texts, config, words), targets_of(arrays), arrays
+
+
+def shift_images(arrays: Arrays, most: int, seed: Sequence[int]) -> None:
+    """Move the views of each sample by up to `most` px, edges repeated. Flow maps stay: motion does not change by it."""
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(list(seed))))
+    names = [name for name in arrays if name.startswith("image_")]
+    moves = rng.integers(-most, most + 1, (len(arrays[names[0]]), 2))
+    for name in names:
+        arrays[name] = np.stack([_moved(image, *move) for image, move in zip(arrays[name], moves, strict=True)])
+
+
+def _moved(image: NDArray[np.uint8], down: int, right: int) -> NDArray[np.uint8]:
+    rows = np.clip(np.arange(image.shape[0]) - down, 0, image.shape[0] - 1)
+    columns = np.clip(np.arange(image.shape[1]) - right, 0, image.shape[1] - 1)
+    return image[rows][:, columns]

@@ -1,0 +1,48 @@
+"""What is read from the queries: joint targets, and the target's later features or boxes."""
+
+import torch
+from torch import Tensor, nn
+
+
+class _Residual(nn.Module):
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.body = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, width), nn.ReLU())
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.body(x)
+
+
+class ActionHead(nn.Sequential):
+    """(..., H) -> (..., A) normalised joint targets: the paper's MLP with two residual blocks of twice the width."""
+
+    def __init__(self, hidden: int, actions: int) -> None:
+        wide = 2 * hidden
+        first = (nn.LayerNorm(hidden), nn.Linear(hidden, wide), nn.ReLU())
+        super().__init__(*first, _Residual(wide), _Residual(wide), nn.LayerNorm(wide), nn.Linear(wide, actions))
+
+
+class WorldHead(nn.Sequential):
+    """(..., H) -> (..., D)."""
+
+    def __init__(self, hidden: int, numbers: int) -> None:
+        super().__init__(nn.Linear(hidden, hidden), nn.GELU(), nn.Linear(hidden, numbers))
+
+
+def action_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
+    """L1 summed over joints, averaged over the steps (B,K) that exist; chunks are (B,K,A). Zero where none does."""
+    return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
+
+
+def feature_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
+    """1 - cosine, averaged over the moments (B,N) at which the target is known; features are (B,N,D)."""
+    return _mean(1 - torch.cosine_similarity(found.float(), wanted.float(), dim=-1), valid)
+
+
+def box_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
+    """L1 summed over the corners (B,N,4), fractions of the image, averaged over the moments at which the target is seen."""
+    return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
+
+
+def _mean(values: Tensor, valid: Tensor) -> Tensor:
+    return torch.where(valid, values, 0).sum() / valid.sum().clamp(min=1)

@@ -1,0 +1,61 @@
+"""What the network takes: tensors of a batch, made from arrays in the same way in training and when the policy acts."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from training.puma.config import Config
+from training.puma.model.text import Words
+
+
+@dataclass(eq=False)
+class Inputs:
+    """B samples. `views` (B,V,h,w,3) and `past` (B,h,fh,fw,3) are uint8, `text` (B,L) token ids, padded at its end with -1.
+
+    `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s and `oracle` (B,N,3) m are there where the model takes them.
+    """
+
+    views: Tensor
+    text: Tensor
+    past: Tensor | None = None
+    state: Tensor | None = None
+    clock: Tensor | None = None
+    past_time: Tensor | None = None
+    oracle: Tensor | None = None
+
+    def to(self, device: torch.device | str) -> "Inputs":
+        """The same on a device."""
+        moved = {f.name: _moved(getattr(self, f.name), device) for f in fields(self)}
+        return Inputs(**moved)
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+
+def _moved(value: Any, device: torch.device | str) -> Any:
+    return value if value is None else value.to(device, non_blocking=True)
+
+
+def inputs_of(arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: Config, words: Words) -> Inputs:
+    """Inputs from the arrays of `training.puma.data.batch_of`, or the same arrays made while a policy acts."""
+    model = config.model
+    found: dict[str, Tensor] = {
+        "views": torch.from_numpy(np.stack([arrays[f"image_{camera}"] for camera in config.data.cameras], 1)),
+        "text": words.ids(texts),
+    }
+    if model.history != "none":
+        found["past"] = torch.from_numpy(np.ascontiguousarray(arrays["past"]))
+        if model.history_times:
+            found["past_time"] = torch.from_numpy(arrays["past_time"])
+    if model.state:
+        found["state"] = torch.from_numpy(arrays["state"])
+    if model.clock:
+        found["clock"] = torch.from_numpy(arrays["clock"])[:, None]
+    if model.oracle:
+        found["oracle"] = torch.from_numpy(arrays["oracle"])
+    return Inputs(**found)

@@ -1,0 +1,100 @@
+"""The policy network: backbone, queries of its own for every output, heads in float32."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from training.puma.config import Config
+from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss
+from training.puma.model.inputs import Inputs
+from training.puma.model.text import HashedWords, Words
+from training.puma.model.tiny import TinyBackbone
+
+BOX = 4
+
+
+@dataclass(eq=False)
+class Outputs:
+    """`actions` (B,K,A) normalised; `world` (B,N,D), or None where nothing is predicted."""
+
+    actions: Tensor
+    world: Tensor | None
+
+
+@dataclass(eq=False)
+class Targets:
+    """What outputs should be: `action` (B,K,A), `action_valid` (B,K), and for the world `world` (B,N,D), `world_valid` (B,N)."""
+
+    action: Tensor
+    action_valid: Tensor
+    world: Tensor | None = None
+    world_valid: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Numbers that follow from the data: joints, and entries of a world target."""
+
+    joints: int
+    world: int
+
+
+class Puma(nn.Module):
+    """See the package. `backbone(inputs, extras, queries)` gives hidden states at the queries; `backbone.width` is their width."""
+
+    def __init__(self, config: Config, sizes: Sizes, backbone: nn.Module, words: Words) -> None:
+        super().__init__()
+        model, width = config.model, int(backbone.width)  # pyright: ignore[reportArgumentType]
+        self.config, self.sizes, self.words = config, sizes, words
+        self.backbone = backbone
+        self.queries = nn.Parameter(0.02 * torch.randn(model.queries, width))
+        self.extra = nn.ModuleDict({name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()})
+        self.action_head = ActionHead(width, sizes.joints)
+        self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
+
+    def forward(self, inputs: Inputs) -> Outputs:
+        """Actions and the later world."""
+        extras = [layer(getattr(inputs, name).flatten(1))[:, None] for name, layer in self.extra.items()]
+        empty = self.queries.new_zeros(len(inputs), 0, self.queries.shape[1])
+        hidden = self.backbone(inputs, torch.cat(extras, 1) if extras else empty, self.queries).float()
+        device = hidden.device.type
+        with torch.autocast(device, enabled=False):
+            world = hidden[:, : -self.config.model.chunk]
+            return Outputs(
+                self.action_head(hidden[:, -self.config.model.chunk :]),
+                None if self.world_head is None else self.world_head(world),
+            )
+
+    def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
+        """`action`, `world` where it is predicted, and their weighted sum `loss`."""
+        found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
+        found["loss"] = found["action"]
+        if outputs.world is not None and targets.world is not None and targets.world_valid is not None:
+            measure = box_loss if self.config.model.world == "boxes" else feature_loss
+            found["world"] = measure(outputs.world, targets.world, targets.world_valid)
+            found["loss"] = found["action"] + self.config.train.world_weight * found["world"]
+        return found
+
+
+def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
+    """Numbers of each further input, in their order; each becomes one token."""
+    model = config.model
+    wanted = {
+        "past_time": model.history_length if model.history_times and model.history != "none" else 0,
+        "state": sizes.joints if model.state else 0,
+        "clock": 1 if model.clock else 0,
+        "oracle": 3 * model.world_queries if model.oracle else 0,
+    }
+    return {name: n for name, n in wanted.items() if n}
+
+
+def build_model(config: Config, sizes: Sizes, trained: bool = False) -> Puma:
+    """The network with its first weights, from the global generator of torch. `trained`: weights follow, none are loaded."""
+    extras = len(extra_sizes(config, sizes))
+    if config.model.backbone.kind == "tiny":
+        return Puma(config, sizes, TinyBackbone(config, extras), HashedWords(config.model.backbone.words))
+    from training.puma.model.qwen import build_qwen
+
+    backbone, words = build_qwen(config, trained)
+    return Puma(config, sizes, backbone, words)

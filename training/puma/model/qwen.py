@@ -1,0 +1,165 @@
+"""Qwen3-VL as a backbone: images at their own size, explicit positions, hidden states of the base model at the queries.
+
+The sequence is a user's turn: images of the past, views, instruction, further inputs, queries; then the mark of the assistant's
+turn. Only the instruction differs in length; its padding stands between it and what follows, is attended by nothing and takes no
+position, so every other token has a fixed place.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from transformers import AutoTokenizer, Qwen3VLConfig, Qwen3VLModel
+
+from training.puma.config import Backbone, Config
+from training.puma.errors import TrainError
+from training.puma.model.inputs import Inputs
+from training.puma.model.text import HashedWords, TokenizedWords, Words
+from training.puma.model.vision import Vision
+
+UNIT = 32
+"""Sides of images are multiples of this: patch size times merge size."""
+
+
+class QwenBackbone(nn.Module):
+    """See the module. `before` and `after` are token ids around the images and behind the queries."""
+
+    prefix: Tensor
+    seen: Tensor
+    places: Tensor
+    after: Tensor
+
+    def __init__(self, model: Any, config: Config, before: Sequence[int], after: Sequence[int]) -> None:
+        super().__init__()
+        text = model.config.text_config
+        self.model, self.width = model, int(text.hidden_size)
+        self.checkpointing = config.train.checkpointing
+        count = 0 if config.model.history == "none" else config.model.history_length
+        self.past = Vision(model.visual, config.data.flow_size) if count else None
+        self.views = Vision(model.visual, config.data.image_size)
+        images = [self.past.grid] * count if self.past is not None else []
+        images += [self.views.grid] * len(config.data.cameras)
+        ids, seen, places = _prefix(list(before), images, model.config)
+        self.register_buffer("prefix", torch.tensor(ids), persistent=False)
+        self.register_buffer("seen", torch.tensor(seen), persistent=False)
+        self.register_buffer("places", torch.tensor(places).T.contiguous(), persistent=False)
+        self.register_buffer("after", torch.tensor(list(after)), persistent=False)
+
+    def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
+        """Hidden states (B,Q,width), after the last norm, at queries (Q,width); `extras` (B,E,width) stand before them."""
+        b, embed = len(inputs), self.model.get_input_embeddings()
+        images, deep = self._images(inputs)
+        prefix = embed(self.prefix).expand(b, -1, -1)
+        prefix = prefix.masked_scatter(self.seen[None, :, None], images.to(prefix.dtype))
+        known = inputs.text >= 0
+        text = embed(inputs.text.clamp(min=0))
+        tail = [extras.to(text.dtype), queries.to(text.dtype).expand(b, -1, -1), embed(self.after).expand(b, -1, -1)]
+        tokens = torch.cat([prefix, text, *tail], 1)
+        ones = known.new_ones(b, tokens.shape[1] - prefix.shape[1] - text.shape[1])
+        attended = torch.cat([known.new_ones(b, prefix.shape[1]), known, ones], 1)
+        visual = torch.zeros_like(attended)
+        visual[:, : len(self.seen)] = self.seen
+        hidden = self.model.language_model(
+            inputs_embeds=tokens,
+            attention_mask=attended.long(),
+            position_ids=self._positions(attended[:, prefix.shape[1] :]),
+            visual_pos_masks=visual,
+            deepstack_visual_embeds=[layer.flatten(0, 1) for layer in deep],
+            use_cache=False,
+        ).last_hidden_state
+        end = hidden.shape[1] - len(self.after)
+        return hidden[:, end - len(queries) : end]
+
+    def _images(self, inputs: Inputs) -> tuple[Tensor, list[Tensor]]:
+        """Tokens (B,V,width) of all images of a sample in their order, and those for the first layers."""
+        b, on = len(inputs), self.checkpointing and self.training
+        groups = [] if self.past is None or inputs.past is None else [self.past(inputs.past.flatten(0, 1), on)]
+        groups.append(self.views(inputs.views.flatten(0, 1), on))
+        tokens = torch.cat([first.reshape(b, -1, self.width) for first, _ in groups], 1)
+        layers = zip(*(deep for _, deep in groups), strict=True)
+        return tokens, [torch.cat([part.reshape(b, -1, self.width) for part in layer], 1) for layer in layers]
+
+    def _positions(self, attended: Tensor) -> Tensor:
+        """Positions (3,B,L) by time, row and column: those of the prefix, then one after the other what is attended (B,rest)."""
+        first = self.places.max() + 1
+        rest = first + attended.long().cumsum(1) - 1
+        places = self.places[:, None].expand(-1, len(attended), -1)
+        return torch.cat([places, rest.expand(3, -1, -1)], 2)
+
+
+def _prefix(before: list[int], grids: Sequence[tuple[int, int]], config: Any) -> tuple[list[int], list[bool], list[list[int]]]:
+    """Token ids of all that stands before the instruction, which of them are images, and their positions [time, row, column]."""
+    merge = config.vision_config.spatial_merge_size
+    ids, seen, places = list(before), [False] * len(before), [[i] * 3 for i in range(len(before))]
+    at = len(before)
+    for height, width in ((h // merge, w // merge) for h, w in grids):
+        ids += [config.vision_start_token_id, *[config.image_token_id] * (height * width), config.vision_end_token_id]
+        seen += [False, *[True] * (height * width), False]
+        places.append([at] * 3)
+        places += [[at + 1, at + 1 + y, at + 1 + x] for y in range(height) for x in range(width)]
+        at += 1 + max(height, width)
+        places.append([at] * 3)
+        at += 1
+    return ids, seen, places
+
+
+def build_qwen(config: Config, trained: bool) -> tuple[QwenBackbone, Words]:
+    """The backbone and its tokenizer. `trained`: weights follow, so none are loaded. Raises TrainError for what cannot be had."""
+    settings = config.model.backbone
+    for name, size in (("image_size", config.data.image_size), ("flow_size", config.data.flow_size)):
+        if size[0] % UNIT or size[1] % UNIT:
+            raise TrainError(f"data.{name} {size[0]}x{size[1]}: Qwen3-VL takes sides that are multiples of {UNIT}")
+    try:
+        model = _weights(settings, config.train.precision == "bf16", settings.weights == "random" or trained)
+        own = settings.name.endswith(".json")
+        tokenizer = None if own else AutoTokenizer.from_pretrained(settings.name, **_revision(settings))
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise TrainError(f"model.backbone.name {settings.name}: {reason}; give a hub id, a directory or a config.json") from error
+    if config.train.checkpointing:
+        model.language_model.activation_checkpointing_enable({"use_reentrant": False})
+    if settings.lora is not None:
+        model = _with_adapters(model, settings)
+    if tokenizer is None:
+        # the last id of a config's vocabulary stands for all marks that a tokenizer would have
+        mark = model.config.text_config.vocab_size - 1
+        return QwenBackbone(model, config, [mark], [mark]), HashedWords(mark)
+    before = tokenizer("<|im_start|>user\n", add_special_tokens=False)["input_ids"]
+    after = tokenizer("<|im_end|>\n<|im_start|>assistant\n", add_special_tokens=False)["input_ids"]
+    return QwenBackbone(model, config, before, after), TokenizedWords(tokenizer)
+
+
+def _weights(settings: Backbone, half: bool, random: bool) -> Any:
+    """The base model, without the layer of vocabulary logits."""
+    revision = _revision(settings)
+    if settings.name.endswith(".json"):
+        if settings.weights != "random":
+            raise ValueError("a config has no weights: set model.backbone.weights to random")
+        found = Qwen3VLConfig(**json.loads(Path(settings.name).read_text()))
+    elif random:
+        found = Qwen3VLConfig.from_pretrained(settings.name, **revision)
+    else:
+        kind = torch.bfloat16 if half else torch.float32
+        return Qwen3VLModel.from_pretrained(settings.name, **revision, dtype=kind)
+    found._attn_implementation = "sdpa"
+    model: Any = Qwen3VLModel(found)
+    return model.to(torch.bfloat16 if half else torch.float32)
+
+
+def _revision(settings: Backbone) -> dict[str, Any]:
+    return {} if settings.revision is None else {"revision": settings.revision}
+
+
+def _with_adapters(model: Any, settings: Backbone) -> Any:
+    """The model with adapters in the linear layers of its language model; only they are trained."""
+    from peft import LoraConfig, inject_adapter_in_model
+
+    assert settings.lora is not None
+    targets = r".*language_model\.layers\.\d+\.(self_attn\.(q|k|v|o)_proj|mlp\.(gate|up|down)_proj)"
+    lora = settings.lora
+    options = LoraConfig(r=lora.rank, lora_alpha=lora.alpha, lora_dropout=lora.dropout, target_modules=targets)
+    model.requires_grad_(False)
+    return inject_adapter_in_model(options, model)

@@ -1,0 +1,222 @@
+"""Episodes of a dataset's Parquet export with their annotations; where one is missing or stale, which command makes it."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.annotate.keys import AnnotateError
+from pipeline.annotate.select import parse_where, selected
+from pipeline.annotate.store import CorruptAnnotation, annotation_path, entry_header, find_stage, read_entry
+from pipeline.data.dataset import Dataset
+from pipeline.data.keys import digest, frames_digest
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.data.spec import EpisodeSpec
+from training.puma.config import Config, Source
+from training.puma.errors import TrainError
+
+EXPORT = "parquet"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One episode of the export: its number there, where it came from, and what it says about itself."""
+
+    index: int
+    source: str
+    length: int
+    embodiment: str
+    physics_id: str
+    target: str
+    instructions: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The episode file, relative to the dataset's episodes/."""
+        return Path(self.source).relative_to("episodes")
+
+
+@dataclass(eq=False)
+class Shard:
+    """The arrays of one episode: T frames, A joints; JPEG bytes by camera; annotations by stage."""
+
+    row: Row
+    time: NDArray[np.float32]
+    state: NDArray[np.float32]
+    action: NDArray[np.float32]
+    target: NDArray[np.float32]
+    images: Mapping[str, list[bytes]]
+    annotations: Mapping[str, Mapping[str, NDArray[Any]]]
+
+
+class Shards:
+    """The Parquet export of one dataset, and the annotations that a configuration needs. Raises TrainError, one line."""
+
+    def __init__(self, source: Source, config: Config) -> None:
+        self.dataset, self.where, self.config = source.dataset, source.where, config
+        self.root = Dataset(source.dataset).exports(EXPORT)
+        try:
+            table = pq.read_table(self.root / "episodes.parquet")
+            self.files = sorted(self.root.glob("data-*.parquet"))
+            self._groups = [(f, i) for f in self.files for i in range(pq.read_metadata(f).num_row_groups)]
+            told = json.loads(pq.read_schema(self.files[0]).metadata[b"domino"])
+        except (OSError, IndexError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
+            raise TrainError(f"{source.dataset} has no usable Parquet export ({_short(error)}); run: {self._export()}") from error
+        self.fps, self.names = int(told["fps"]), {k: tuple(v) for k, v in told["names"].items()}
+        rows = table.to_pylist()
+        self._check_export(rows)
+        self.rows = self._chosen(rows)
+        self.columns = self._columns(told["cameras"])
+
+    def _export(self) -> str:
+        return f"domino-data export {self.dataset} --format {EXPORT}"
+
+    def _check_export(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Every accepted episode of the ledger must be in the export, made from the same physics."""
+        ledger = self.dataset / "ledger"
+        accepted: dict[str, str] = {}
+        for path in ledger.rglob("*.json"):
+            try:
+                record = SlotRecord.from_json(path.read_bytes())
+            except (OSError, ValueError, TypeError, KeyError):
+                continue
+            if record.accepted:
+                accepted[f"episodes/{path.relative_to(ledger).with_suffix('.hdf5').as_posix()}"] = record.keys.physics.digest
+        exported = {row["source"]: row["physics_key"] for row in rows}
+        if len(self._groups) != len(rows) or (accepted and exported != accepted):
+            raise TrainError(
+                f"{self.root}: is stale: it has {len(exported)} episodes, the dataset {len(accepted)}; run: {self._export()}"
+            )
+
+    def _chosen(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
+        names = ("task", "embodiment", "level", "alpha", "domain", "slot", "seed")
+        specs = [EpisodeSpec(**{name: row[name] for name in names}) for row in rows]
+        wanted = selected(specs, parse_where(self.where))
+        chosen = [
+            Row(
+                row["episode_index"],
+                row["source"],
+                row["length"],
+                row["embodiment"],
+                row["physics_id"],
+                row["target"],
+                tuple(row["instructions_seen"]),
+            )
+            for row, use in zip(rows, wanted, strict=True)
+            if use
+        ]
+        if not chosen:
+            raise TrainError(f"{self.dataset}: no episode fits where: {self.where!r}")
+        return chosen
+
+    def _columns(self, there: Sequence[str]) -> dict[str, str]:
+        """Camera -> column of its images."""
+        columns = {camera: f"image_{EXPORTED_CAMERAS.get(camera, camera)}" for camera in self.config.data.cameras}
+        for camera, column in columns.items():
+            if column not in there:
+                raise TrainError(f"{self.root}: has no images of {camera}; data.cameras can be {', '.join(there)} (without image_)")
+        return columns
+
+    @cached_property
+    def directories(self) -> dict[str, str]:
+        """Stage -> directory of the annotations that are read."""
+        model, data = self.config.model, self.config.data
+        camera, found = data.cameras[0], dict[str, str]()
+        wanted: dict[str, dict[str, Any]] = {}
+        if model.history == "flow":
+            size = [data.flow_size[1], data.flow_size[0]]
+            wanted["flow"] = {"camera": camera, "stride": model.stride, "source": data.flow_source, "size": size}
+        if model.world == "features":
+            wanted["features"] = {"camera": camera}
+        if model.world == "boxes":
+            wanted["masks"] = {"camera": camera}
+        for stage, parameters in wanted.items():
+            try:
+                found[stage] = find_stage(self.dataset, stage, **parameters)
+            except AnnotateError as error:
+                if "several" in str(error):
+                    raise TrainError(f"{error} or delete all but one") from error
+                raise TrainError(f"{self.dataset} has no annotations {stage}; run: {self._annotate(stage)}") from error
+        return found
+
+    def _annotate(self, stage: str) -> str:
+        """The command that makes a stage's annotations."""
+        model, data = self.config.model, self.config.data
+        options = f"--stages {'masks,features' if stage == 'features' else stage} --cameras {data.cameras[0]}"
+        if stage == "flow":
+            size = f"{data.flow_size[1]}x{data.flow_size[0]}"
+            options += f" --flow-stride {model.stride} --flow-size {size} --flow-source {data.flow_source}"
+        return f"domino-data annotate {self.dataset} {options}"
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of what is read: the tables of the export, the sizes of its files, the checksums of the annotations."""
+        headers: dict[str, list[str]] = {}
+        for stage, directory in self.directories.items():
+            headers[stage] = [self._header(stage, annotation_path(self.dataset, directory, row.path)) for row in self.rows]
+        files = [[f.name, f.stat().st_size] for f in self.files]
+        return digest({"rows": [[r.source, r.length, r.physics_id] for r in self.rows], "files": files, "annotations": headers})
+
+    def _header(self, stage: str, path: Path) -> str:
+        try:
+            return entry_header(path)[1]
+        except (FileNotFoundError, CorruptAnnotation) as error:
+            raise TrainError(f"{path}: is missing or damaged; run: {self._annotate(stage)}") from error
+
+    def __iter__(self) -> Iterator[Shard]:
+        for row in self.rows:
+            yield self.read(row)
+
+    def read(self, row: Row) -> Shard:
+        """One episode with its annotations. Raises TrainError where they were made from other images."""
+        name, group = self._groups[row.index]
+        columns = ["timestamp", "state", "action", "target_pose", *self.columns.values()]
+        with pq.ParquetFile(name) as file:
+            table = file.read_row_group(group, columns=columns)
+        images = {camera: [image["bytes"] for image in table[column].to_pylist()] for camera, column in self.columns.items()}
+        frames = frames_digest(images[self.config.data.cameras[0]])
+        annotations: dict[str, Mapping[str, NDArray[Any]]] = {}
+        for stage, directory in self.directories.items():
+            path = annotation_path(self.dataset, directory, row.path)
+            try:
+                entry = read_entry(path)
+            except (FileNotFoundError, CorruptAnnotation) as error:
+                raise TrainError(f"{path}: is missing or damaged; run: {self._annotate(stage)}") from error
+            made_from = entry.attributes.get("inputs", {}).get("frames", frames)
+            if made_from != frames or any(len(a) != table.num_rows for a in entry.arrays.values()):
+                raise TrainError(f"{path}: was made from other images; run: {self._annotate(stage)}")
+            annotations[stage] = _of_target(entry.arrays, entry.attributes, row.target)
+        values = {name: np.array(table[name].to_pylist(), np.float32) for name in ("state", "action", "target_pose")}
+        return Shard(
+            row=row,
+            time=table["timestamp"].to_numpy().astype(np.float32),
+            state=values["state"],
+            action=values["action"],
+            target=values["target_pose"],
+            images=images,
+            annotations=annotations,
+        )
+
+
+def _of_target(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], target: str) -> dict[str, NDArray[Any]]:
+    """Arrays (T, ...); those by object only of the target. Where no object is named like it, the first one."""
+    objects = attributes.get("objects")
+    if objects is None:
+        return dict(arrays)
+    k = int(attributes.get("roles", {}).get("target", objects.index(target) if target in objects else 0))
+    out = {key: value[:, k] for key, value in arrays.items() if key in ("box", "valid", "feature")}
+    if "height" in attributes:
+        out["size"] = np.repeat([[attributes["width"], attributes["height"]]], len(out["valid"]), 0)
+    return out
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

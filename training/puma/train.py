@@ -1,0 +1,281 @@
+"""The training loop: one process or several by accelerate; it goes on exactly where it stopped."""
+
+import json
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from accelerate import Accelerator
+from torch import nn
+from tqdm import tqdm
+
+from pipeline.data.atomic import sweep, write_atomic
+from training.puma import card, checkpoint
+from training.puma.config import Config, Train, parse_config
+from training.puma.data import Corpus, open_corpus
+from training.puma.errors import TrainError
+from training.puma.flops import peak_flops, step_flops
+from training.puma.loader import Batch, Loader, Share, validation_batches
+from training.puma.model.puma import Puma, Sizes, build_model
+
+LOG = "log.jsonl"
+
+
+@dataclass(eq=False)
+class Timing:
+    """Seconds spent since the last report, by kind."""
+
+    data: float = 0.0
+    forward: float = 0.0
+    backward: float = 0.0
+    samples: int = 0
+    began: float = field(default_factory=time.perf_counter)
+
+    def rate(self) -> float:
+        """Samples a second."""
+        return self.samples / max(time.perf_counter() - self.began, 1e-9)
+
+
+@dataclass(eq=False)
+class Result:
+    """The newest checkpoint, and the rows of the log that this call wrote."""
+
+    checkpoint: Path
+    rows: list[dict[str, Any]]
+
+
+def train(config: Config, out: Path, steps: int | None = None, quiet: bool = False) -> Result:
+    """Train until `train.steps`, or until `steps` have been done in all, from the newest checkpoint in `out` if there is one.
+
+    Raises TrainError for bad input, and for a directory that holds a run of another configuration.
+    """
+    accelerator = Accelerator(mixed_precision=config.train.precision, cpu=not torch.cuda.is_available())
+    main = accelerator.is_main_process
+    _claim(config, out, main)
+    corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
+    if config.train.start is not None:
+        corpus = _as_before(corpus, checkpoint.load(config.train.start))
+    torch.manual_seed(config.train.seed)
+    network = build_model(config, sizes_of(corpus))
+    if config.train.start is not None:
+        checkpoint.begin_from(network, checkpoint.load(config.train.start).path)
+    optimizer = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
+    loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
+    held, step = checkpoint.checkpoints(out), 0
+    if held:
+        step = _resume(held[-1], network, loader, corpus)
+    model, optimizer = accelerator.prepare(network, optimizer)
+    if held:
+        checkpoint.load_optimizer(network, optimizer.optimizer, held[-1])
+    run = _Run(config, out, accelerator, model, network, optimizer, corpus)
+    rows, last = list[dict[str, Any]](), min(steps or config.train.steps, config.train.steps)
+    timing = Timing()
+    bar = tqdm(total=last, initial=step, unit="step", disable=quiet or not main, dynamic_ncols=True)
+    try:
+        for batch in loader:
+            if step >= last:
+                break
+            row = run.step(batch, step, timing)
+            step += 1
+            done = step == last
+            if step % config.train.validate_every == 0 or done:
+                row |= run.validate()
+            rows.append(row)
+            bar.update()
+            if step % 10 == 0 or done:
+                bar.set_postfix(run.report(row, timing))
+                timing = Timing()
+            if main:
+                run.log(row)
+            if step % config.train.save_every == 0 or done:
+                run.save(step, batch)
+    finally:
+        bar.close()
+        loader.close()
+    return Result(checkpoint.newest(out), rows)
+
+
+def sizes_of(corpus: Corpus) -> Sizes:
+    """Sizes of the network that follow from the data."""
+    arrays = corpus.train[0].cache.arrays
+    return Sizes(len(corpus.preprocessing.names), arrays["world"].shape[1] if "world" in arrays else 0)
+
+
+def groups(network: Puma, settings: Train) -> list[dict[str, Any]]:
+    """Weights of the backbone and of what is new, each with its learning rate; biases, norms and queries do not decay."""
+    out: list[dict[str, Any]] = []
+    for inside, rate in ((True, settings.backbone_rate), (False, settings.head_rate)):
+        named = [(n, p) for n, p in network.named_parameters() if p.requires_grad and n.startswith("backbone.") == inside]
+        for decays in (True, False):
+            some = [p for n, p in named if (p.ndim > 1 and n != "queries") == decays]
+            if some:
+                out.append({"params": some, "lr": rate, "peak": rate, "weight_decay": settings.weight_decay if decays else 0.0})
+    return out
+
+
+def rate_at(step: int, settings: Train) -> float:
+    """Share of the peak learning rate at a step: linear warm-up, then a cosine to the floor."""
+    if step < settings.warmup:
+        return (step + 1) / settings.warmup
+    floor = min(1.0, settings.floor_rate / settings.backbone_rate)
+    part = (step - settings.warmup) / max(1, settings.steps - settings.warmup)
+    return floor + (1 - floor) * (1 + math.cos(math.pi * min(1.0, part))) / 2
+
+
+@dataclass(eq=False)
+class _Run:
+    config: Config
+    out: Path
+    accelerator: Accelerator
+    model: nn.Module
+    network: Puma
+    optimizer: Any
+    corpus: Corpus
+    _flops: float = 0.0
+    _waited: float = field(default_factory=time.perf_counter)
+
+    def step(self, batch: Batch, step: int, timing: Timing) -> dict[str, Any]:
+        """One step of the optimiser."""
+        settings, began = self.config.train, time.perf_counter()
+        timing.data += began - self._waited
+        device = self.accelerator.device
+        for group in self.optimizer.param_groups:
+            group["lr"] = group["peak"] * rate_at(step, settings)
+        self.model.train()
+        totals: dict[str, float] = {}
+        for part in parts_of(batch, settings.accumulate):
+            start = time.perf_counter()
+            inputs, targets = part.inputs.to(device), on(part.targets, device)
+            if not self._flops:
+                self._flops = step_flops(self.network, inputs)
+            losses = self.network.losses(self.model(inputs), targets)
+            middle = time.perf_counter()
+            self.accelerator.backward(losses["loss"] / settings.accumulate)
+            for name, value in losses.items():
+                totals[name] = totals.get(name, 0.0) + float(value.detach()) / settings.accumulate
+            timing.forward += middle - start
+            timing.backward += time.perf_counter() - middle
+        start = time.perf_counter()
+        norm = self.accelerator.clip_grad_norm_(self.model.parameters(), settings.clip)
+        self.optimizer.step()
+        self.optimizer.zero_grad()
+        timing.backward += time.perf_counter() - start
+        timing.samples += settings.batch
+        if not math.isfinite(totals["loss"]):
+            raise TrainError(f"the loss is {totals['loss']} at step {step + 1}: lower train.head_rate and train.backbone_rate")
+        self._waited = time.perf_counter()
+        rate = self.optimizer.param_groups[0]["lr"]
+        return {"step": step + 1, **totals, "rate": rate, "norm": float(norm if norm is not None else 0.0)}
+
+    def validate(self) -> dict[str, float]:
+        """Open-loop error on the validation split."""
+        if not self.corpus.validation:
+            return {}
+        found = open_loop(self.network, self.corpus, self.accelerator.device)
+        self._waited = time.perf_counter()
+        return {f"validation_{name}": value for name, value in found.items()}
+
+    def report(self, row: Mapping[str, Any], timing: Timing) -> dict[str, str]:
+        """What the bar shows."""
+        total = max(timing.data + timing.forward + timing.backward, 1e-9)
+        split = "/".join(f"{100 * t / total:.0f}" for t in (timing.data, timing.forward, timing.backward))
+        mfu = timing.rate() * self._flops / peak_flops(self.accelerator.device)
+        shown = {"loss": f"{row['loss']:.3f}", "samples/s": f"{timing.rate():.0f}", "data/fwd/bwd %": split}
+        if "validation_error" in row:
+            shown["error"] = f"{row['validation_error']:.4f}"
+        return shown | {"MFU %": f"{100 * mfu:.0f}"}
+
+    def log(self, row: Mapping[str, Any]) -> None:
+        """Append to the log."""
+        with (self.out / LOG).open("a") as file:
+            file.write(json.dumps(row) + "\n")
+
+    def save(self, step: int, batch: Batch) -> None:
+        """Write a checkpoint."""
+        self.accelerator.wait_for_everyone()
+        if self.accelerator.is_main_process:
+            text = card.model_card(self.config, self.corpus, step, self.out / LOG)
+            standing = checkpoint.Standing(step, batch.sampler, text)
+            path = checkpoint.checkpoint_path(self.out, step)
+            checkpoint.save(path, self.network, self.optimizer.optimizer, self.corpus.preprocessing, standing)
+            checkpoint.prune(self.out, self.config.train.keep)
+        self._waited = time.perf_counter()
+
+
+def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict[str, float]:
+    """Losses on validation frames, and `error`: mean absolute error of the actions that exist, in rad (grippers 0-1)."""
+    was, totals, error, count, samples = network.training, dict[str, float](), 0.0, 0, 0
+    network.eval()
+    scale = torch.tensor(corpus.preprocessing.action.spread, dtype=torch.float32, device=device)
+    with torch.inference_mode():
+        for part in corpus.validation:
+            for inputs, targets, _ in validation_batches(part, network.config, corpus, network.words):
+                targets = on(targets, device)
+                outputs = network(inputs.to(device))
+                for name, value in network.losses(outputs, targets).items():
+                    totals[name] = totals.get(name, 0.0) + float(value) * len(inputs)
+                wrong = ((outputs.actions - targets.action).abs() * scale)[targets.action_valid]
+                error, count, samples = error + float(wrong.sum()), count + wrong.numel(), samples + len(inputs)
+    network.train(was)
+    return {name: value / samples for name, value in totals.items()} | {"error": error / max(count, 1)}
+
+
+def parts_of(batch: Batch, parts: int) -> list[Batch]:
+    """A batch cut into equal parts."""
+    if parts == 1:
+        return [batch]
+    size = len(batch.inputs) // parts
+    cut = [slice(i * size, (i + 1) * size) for i in range(parts)]
+    return [Batch(_sliced(batch.inputs, rows), _sliced(batch.targets, rows), batch.sampler) for rows in cut]
+
+
+def _sliced[T](values: T, rows: slice) -> T:
+    return type(values)(**{name: None if v is None else v[rows] for name, v in vars(values).items()})
+
+
+def on[T](values: T, device: torch.device | str) -> T:
+    return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
+
+
+def _claim(config: Config, out: Path, main: bool) -> None:
+    """Write the configuration into the run's directory, or check that it holds this one: only the number of steps may change."""
+    path = out / "config.yaml"
+    if path.exists():
+        held = path.read_text()
+        same = config.model_copy(update={"train": config.train.model_copy(update={"steps": 1})}).to_yaml()
+        before = parse_config(yaml.safe_load(held), str(path))
+        before = before.model_copy(update={"train": before.train.model_copy(update={"steps": 1})}).to_yaml()
+        if before != same:
+            raise TrainError(f"{out} holds a run of another configuration (its config.yaml): choose another --out")
+    if main:
+        out.mkdir(parents=True, exist_ok=True)
+        sweep(out)
+        write_atomic(path, config.to_yaml().encode())
+
+
+def _as_before(corpus: Corpus, held: checkpoint.Loaded) -> Corpus:
+    """The corpus with the scales of a checkpoint. Raises TrainError where anything else of its preprocessing differs."""
+    before, now = held.preprocessing, corpus.preprocessing
+    scales = {"state": before.state, "action": before.action}
+    if replace(now, **scales) != before:
+        values = zip(before.to_dict().items(), now.to_dict().values(), strict=True)
+        [key, *_] = [key for (key, old), new in values if old != new and key not in scales]
+        raise TrainError(f"{held.path}: was trained with another {key}: choose another train.start, or the data it was made for")
+    return replace(corpus, preprocessing=before)
+
+
+def _resume(path: Path, network: Puma, loader: Loader, corpus: Corpus) -> int:
+    held = checkpoint.load(path)
+    if held.preprocessing.digest != corpus.preprocessing.digest:
+        raise TrainError(f"{path}: was trained with other preprocessing: its data has changed; choose another --out")
+    checkpoint.load_weights(network, path)
+    try:
+        loader.sampler.load(held.sampler)
+    except ValueError as error:
+        raise TrainError(f"{path}: {error}; choose another --out") from error
+    return held.step
