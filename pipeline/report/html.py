@@ -94,7 +94,7 @@ class Moves:
 @dataclass(frozen=True)
 class CellCard:
     """The outcomes of one cell, how its targets move, frames of some of its episodes, why others have none, and the film (mp4) of
-    the first one, b"" without."""
+    the first one, b"" without; `failed` are the last frames of failed attempts."""
 
     subtitle: str
     outcomes: Sequence[Bar]
@@ -102,6 +102,7 @@ class CellCard:
     strips: Sequence[Strip]
     unseen: Sequence[str]
     clip: bytes = b""
+    failed: Sequence[Strip] = ()
 
 
 @dataclass(frozen=True)

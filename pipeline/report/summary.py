@@ -5,7 +5,7 @@ Summary tiles, speeds seen against alpha, and for every cell its outcomes and a 
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.episode import EpisodeError, open_episode
+from pipeline.data.recipe import Cell as RecipeCell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.clip import clip
 from pipeline.report.contact_sheet import encode, subtitle
@@ -37,6 +38,11 @@ FILM_WIDTH = 256  # pixels; six of them fill a page
 MANY_CELLS = 40  # from here on one film a cell, to keep the page small
 
 type Cell = tuple[str, str, int, float, str]
+
+
+def failed_folder(dataset: Path, cell: str) -> Path:
+    """Where pictures of the failed attempts of a cell are kept, files STAGE-REASON-SLOT-ATTEMPT.jpg."""
+    return dataset / "report" / "failed" / cell
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,8 @@ def write_report(
     films = 2 if len(cells) < MANY_CELLS else 1
     tasks: dict[str, list[CellCard]] = defaultdict(list)
     for cell in cells:
-        tasks[cell[0].replace("_", " ")].append(_cell_card(cell, tried[cell], by_cell[cell][:films]))
+        card = _cell_card(cell, tried[cell], by_cell[cell][:films])
+        tasks[cell[0].replace("_", " ")].append(replace(card, failed=_failed(dataset, cell, films)))
     report = Report(
         name=dataset.resolve().name,
         scope=_scope(cells),
@@ -159,6 +166,16 @@ def _moves(rows: Sequence[Mapping[str, Any]]) -> list[Moves]:
 def _moved(title: str, rows: Sequence[Mapping[str, Any]]) -> Moves:
     drawn, accepted = drawn_and_accepted(rows)
     return Moves(title, law(drawn), law(accepted))
+
+
+def _failed(dataset: Path, cell: Cell, most: int) -> list[Strip]:
+    """The last frames of attempts that failed in the cell, `most` pictures at most."""
+    strips = []
+    for path in sorted(failed_folder(dataset, RecipeCell(*cell).path).glob("*-*-*-*.jpg"))[:most]:
+        stage, reason, slot, attempt = path.stem.split("-")
+        words = f"{stage}: {reason}".replace("_", " ")
+        strips.append(Strip([Figure(path.read_bytes(), f"failed: {words} (slot {slot}, attempt {attempt})")], 1))
+    return strips
 
 
 def _cell_card(cell: Cell, rows: Sequence[Mapping[str, Any]], shown: Sequence[Observation]) -> CellCard:

@@ -15,6 +15,7 @@ from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run import running
 from pipeline.run.keys import code_version, slot_keys
+from pipeline.run.last_frames import keep_last_frames
 from pipeline.run.make import draw, episode_of, renew, write
 from pipeline.run.state import IMAGES, SENTENCES, read_state
 from pipeline.stages.attempt import Phases, attempt
@@ -96,11 +97,13 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
             row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "sim_steps": failure.steps}
             row |= {"detail": failure.detail, "conditions": list(failure.conditions)}
             row |= asdict(failure.drawn) if failure.drawn else {}
+            row["seconds"] = time.perf_counter() - began
+            keep_last_frames(dataset, recipe, slot, number, failure)
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
             sha = write(dataset, slot, episode_of(rollout, recipe, images.drawing, keys), images, phases)
             row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
-        rows.append(row | {"seconds": time.perf_counter() - began})
+        rows.append({"seconds": time.perf_counter() - began} | row)
         if sha:
             break
     return SlotRecord(keys, bool(sha), sha, tuple(rows), phases.record())

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from pipeline.data.state_log import StateLog
 from pipeline.expert.actor import Actor
 from pipeline.motion.target_motion import Features
 from pipeline.planning.failure import PlanFailure
@@ -12,13 +13,14 @@ class Failure(Exception):
     """An attempt that ends without an episode: the stage it reached, a reason code in snake case, the physics steps it took.
 
     `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success;
-    `drawn` are the features of the target's motion, where one was drawn.
+    `drawn` are the features of the target's motion, where one was drawn; `log` is what was recorded until then, if anything was.
     """
 
     def __init__(self, stage: str, reason: str, detail: str = "", conditions: tuple[str, ...] = ()) -> None:
         super().__init__(f"{stage}: {reason}" + (f" ({detail})" if detail else ""))
         self.stage, self.reason, self.detail, self.conditions, self.steps = stage, reason, detail, conditions, 0
         self.drawn: Features | None = None
+        self.log: StateLog | None = None
 
 
 def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:
@@ -28,13 +30,13 @@ def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:
 
 @contextmanager
 def failing_as(stage: str, actor: Actor) -> Iterator[None]:
-    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure how many steps the simulation had taken."""
+    """Turn a PlanFailure into a Failure of `stage`, and note on any Failure how many steps were simulated and what was recorded."""
     try:
         yield
     except PlanFailure as plan:
         failure = Failure(stage, plan.reason, str(plan))
-        failure.steps = actor.steps
+        failure.steps, failure.log = actor.steps, actor.recorder.log()
         raise failure from plan
     except Failure as failure:
-        failure.steps = actor.steps
+        failure.steps, failure.log = actor.steps, actor.recorder.log()
         raise
