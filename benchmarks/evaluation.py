@@ -8,8 +8,8 @@ workers.
 
 import argparse
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -74,14 +74,23 @@ def measure(case: Case, cameras: tuple[str, ...]) -> Speed:
     return Speed(row["periods"], row["seconds_spent"], physics, render)
 
 
-def speed(tasks: Sequence[str]) -> str:
-    """Markdown: a row a task and number of cameras."""
+def fastest(found: Iterable[Speed]) -> Speed:
+    """The shortest episode and the shortest floor: what else runs on the machine can only lengthen them."""
+    speeds = list(found)
+    floor = min(speeds, key=lambda s: s.floor)
+    return replace(
+        min(speeds, key=lambda s: sum(s.seconds.values())), bare_physics=floor.bare_physics, bare_render=floor.bare_render
+    )
+
+
+def speed(tasks: Sequence[str], repeats: int = 5) -> str:
+    """Markdown: a row a task and number of cameras, each the fastest of some repeats."""
     head = ("task", "cameras", "steps/s", "of floor", *(f"{p} %" for p in PARTS), "floor, steps/s", "floor: physics %")
     body = []
     for task in tasks:
         case = first_case(task)
         for cameras in ((), CAMERAS[:1], CAMERAS):
-            s = measure(case, cameras)
+            s = fastest(measure(case, cameras) for _ in range(repeats))
             total = sum(s.seconds.values())
             shares = (f"{100 * s.seconds.get(part, 0.0) / total:.0f}" for part in PARTS)
             ratio = (f"{s.periods / total:.0f}", f"{s.floor / total:.0%}")

@@ -19,6 +19,9 @@ from pipeline.world.robots.contract import SIDES
 
 Floats = NDArray[np.float64]
 
+FIRST_GUESSES = (2.0, 1.0, 3.0)
+"""s; when the robot may meet the target: where the target is then may be out of reach although the meeting point is not."""
+
 
 class _Stream:
     """A policy that takes motions, actions (N,A) planned together, from a generator, and holds the last command when that ends.
@@ -91,16 +94,7 @@ class Interceptor(_Stream):
         velocity = trial.simulation.velocity(trial.scene.task.target).copy()
         at[:2] += rng.normal(0, 1, 2) * self._noise
         velocity[:2] += rng.normal(0, 1, 2) * self._noise / 3
-        plan, meeting = None, 3.0
-        for _ in range(5):
-            aim = at.copy()
-            aim[:3] += velocity * meeting
-            if plan is not None and np.linalg.norm(aim[:3] - plan.aim[:3]) < 0.002:
-                break
-            plan = rehearse(trial.scene, aim, trial.fps)
-            if plan is None:
-                break
-            meeting = plan.meeting
+        plan = _meeting_plan(trial, at, velocity)
         self._motions = _open_loop(trial, plan, self._delay)
 
 
@@ -130,6 +124,27 @@ class Chaser(_Stream):
                 offset = share * (trial.simulation.pose(target)[:3] - plan.aim[:3])
             yield _shifted(planner, row, trial.simulation.command, moving, offset)[None]
         yield from _finish(trial, plan)
+
+
+def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
+    """The rehearsal whose target stands within 2 mm of where a target at `at` (7,) with this velocity (3,) is when the robot meets
+    it; None where nothing can be planned for any first guess of that time."""
+
+    def ahead(seconds: float) -> Pose:
+        aim = at.copy()
+        aim[:3] += velocity * seconds
+        return aim
+
+    tried = (rehearse(trial.scene, ahead(guess), trial.fps) for guess in FIRST_GUESSES)
+    plan = next((found for found in tried if found), None)
+    for _ in range(5):
+        if plan is None or np.linalg.norm(ahead(plan.meeting)[:3] - plan.aim[:3]) < 0.002:
+            break
+        better = rehearse(trial.scene, ahead(plan.meeting), trial.fps)
+        if better is None:
+            break
+        plan = better
+    return plan
 
 
 class Random:

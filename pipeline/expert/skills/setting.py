@@ -150,11 +150,12 @@ def press(
                 continue
             yield {side: trajectory}
             descent = arm.timed(line, minimum=(above + depth) / speed)
-            last = descent
+            last, felt = descent, False
             for last in _pieces(descent, PRESS.felt_every):
                 yield {side: last}
-                if a.simulation.touched_by:
+                if felt:  # one piece deeper than the first touch: who repeats the actions at the recording rate touches it, too
                     break
+                felt = bool(a.simulation.touched_by)
             yield {side: _resting(last, round(TIMING.press * PHYSICS_HZ))}
             return
         raise PlanFailure("press_blocked", f"the {side} arm finds no free path down to the spot")
