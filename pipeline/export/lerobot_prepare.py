@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.export.common import ExportError, Facts, read_facts, reading
-from pipeline.export.stats import color_counts, sample_rows
-from pipeline.export.video import Codec, encode
+from pipeline.export.stats import plane_counts, sample_rows
+from pipeline.export.video import Codec, decoded_planes, encode
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ def prepare(path: Path, dataset: Path, codec: Codec) -> Prepared:
         rows = sample_rows(len(facts))
         videos, colors = {}, {}
         for camera in facts.cameras:
-            frames = list(file.frames(camera))
-            colors[camera] = color_counts([frames[i] for i in rows])
+            frames = list(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()))
+            colors[camera] = plane_counts([frames[i] for i in rows])
             videos[camera] = encode(frames, facts.fps, codec)
     return Prepared(facts, videos, colors, len(rows))
 

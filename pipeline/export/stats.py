@@ -7,6 +7,7 @@ computed from all values: the smallest value x with F(x) >= q, which is what its
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,10 +37,35 @@ def sample_rows(length: int) -> NDArray[np.int64]:
 
 def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
     """How often each value occurs, (3,256), in images (H,W,3); large ones are thinned to about 150 pixels, LeRobot's rule."""
-    height, width = frames[0].shape[:2]
-    step = 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
-    thin = np.stack([f[::step, ::step] for f in frames])
-    return np.stack([np.bincount(thin[..., c].ravel(), minlength=256) for c in range(3)])
+    step = _step(*frames[0].shape[:2])
+    return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
+
+
+def plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
+    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only."""
+    if frames[0].format.name != "yuvj420p":
+        return color_counts([frame.to_ndarray(format="rgb24") for frame in frames])
+    size, counts = (frames[0].width, frames[0].height), np.zeros((3, 256), np.int64)
+    thin = slice(None, None, _step(size[1], size[0]))
+    for frame in frames:
+        luma, blue, red = (_plane(plane) for plane in frame.planes)
+        # libjpeg, too, interpolates chroma linearly; the range is the full one of a JPEG
+        chroma = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)[thin, thin] for plane in (red, blue)]
+        counts += _counts(np.asarray(cv2.cvtColor(cv2.merge([luma[thin, thin], *chroma]), cv2.COLOR_YCrCb2RGB), np.uint8))
+    return counts
+
+
+def _plane(plane: Any) -> NDArray[np.uint8]:
+    return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
+
+
+def _step(height: int, width: int) -> int:
+    return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
+
+
+def _counts(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
+    rgb = np.ascontiguousarray(rgb)
+    return np.stack([cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]).astype(np.int64)
 
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:

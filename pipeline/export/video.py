@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.jpeg import EpisodeError
 from pipeline.export.common import ExportError
 
 DEFAULTS = {"h264": (20, "ultrafast"), "libsvtav1": (32, "12"), "hevc": (25, "ultrafast")}
@@ -72,8 +73,27 @@ def pyav() -> Any:
     return av
 
 
-def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes:
-    """RGB frames (H,W,3) uint8, H and W even -> a complete mp4 with one image per frame, presented at k / fps seconds.
+def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
+    """JPEG bytes -> av.VideoFrame with the planes that the JPEG holds, for `encode` and `plane_counts`.
+
+    They are not made RGB and then YUV again: that costs as much as encoding. Raises EpisodeError for bytes that are no whole image.
+    """
+    av = pyav()
+    decoder = av.CodecContext.create("mjpeg", "r")
+    decoder.thread_count, decoder.options = 1, {"err_detect": "explode"}
+    for jpeg in jpegs:
+        try:
+            frames = decoder.decode(av.Packet(jpeg)) if jpeg else []
+        except av.FFmpegError as error:
+            raise EpisodeError("a frame does not decode as JPEG") from error
+        if len(frames) != 1:
+            raise EpisodeError("a frame does not decode as JPEG")
+        frames[0].pts = None
+        yield frames[0]
+
+
+def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
+    """RGB frames (H,W,3) uint8, or frames of `decoded_planes`, H and W even -> a complete mp4, one image per frame, at k / fps s.
 
     Raises ExportError when the encoder refuses.
     """
@@ -83,11 +103,12 @@ def encode(frames: Iterable[NDArray[np.uint8]], fps: int, codec: Codec) -> bytes
     try:
         with av.open(buffer, "w", format="mp4") as container:
             stream: Any = None
-            for rgb in frames:
+            for given in frames:
+                frame = given if isinstance(given, av.VideoFrame) else av.VideoFrame.from_ndarray(given, format="rgb24")
                 if stream is None:
                     stream = container.add_stream(codec.name, fps, options=codec.options())
-                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], codec.pix_fmt, 1
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
+                    stream.height, stream.width, stream.pix_fmt, stream.thread_count = frame.height, frame.width, codec.pix_fmt, 1
+                container.mux(stream.encode(frame))
             container.mux(stream.encode())
     except av.FFmpegError as error:
         raise ExportError(f"{codec.name} cannot encode with {codec.options()}: {error}") from error

@@ -3,10 +3,13 @@
 import io
 from itertools import chain
 
+import cv2
 import numpy as np
 import pytest
 
-from pipeline.export.video import Codec, VideoFile, encode, frames_of
+from pipeline.data.jpeg import EpisodeError, decode_frame, encode_frames
+from pipeline.export.stats import color_counts, plane_counts
+from pipeline.export.video import Codec, VideoFile, decoded_planes, encode, frames_of
 
 FPS = 15
 CODECS = {"default": Codec(), "av1": Codec("libsvtav1"), "h264": Codec("h264", crf=23, preset="veryfast")}
@@ -70,3 +73,23 @@ def test_a_lost_frame_is_noticed(tmp_path):
 
 def test_frames_of_reads_from_memory_too():
     assert len(list(frames_of(io.BytesIO(encode(clip(3, 0), FPS, Codec()))))) == 3
+
+
+def test_planes_of_a_jpeg_give_the_same_video_and_colors_as_its_pixels():
+    rng = np.random.default_rng(0)
+    frames = [cv2.GaussianBlur(rng.integers(0, 256, (240, 320, 3), np.uint8), (0, 0), 3) for _ in range(4)]
+    jpegs = [bytes(data) for data in encode_frames(np.stack(frames))]
+    pixels, planes = [decode_frame(jpeg) for jpeg in jpegs], list(decoded_planes(jpegs))
+    of_planes, of_pixels = (encode(images, 15, Codec(crf=5)) for images in (planes, pixels))
+    for (_, a), (_, b), want in zip(frames_of(io.BytesIO(of_planes)), frames_of(io.BytesIO(of_pixels)), pixels, strict=True):
+        assert np.abs(a.astype(int) - want).mean() < 1.02 * np.abs(b.astype(int) - want).mean() + 0.1
+    got, wanted = plane_counts(planes), color_counts(pixels)
+    assert got.sum() == wanted.sum()
+    np.testing.assert_allclose(got @ np.arange(256) / got.sum(1), wanted @ np.arange(256) / wanted.sum(1), atol=0.3)
+
+
+@pytest.mark.parametrize("spoil", [lambda j: j[:300], lambda j: b"", lambda j: b"no image" * 20])
+def test_planes_of_a_damaged_jpeg_are_refused(spoil):
+    jpeg = bytes(encode_frames(np.full((1, 32, 32, 3), 90, np.uint8))[0])
+    with pytest.raises(EpisodeError, match="does not decode"):
+        list(decoded_planes([jpeg, spoil(jpeg)]))
