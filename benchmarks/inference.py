@@ -28,7 +28,7 @@ def main() -> None:
     config = read_config(options.config, options.set)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     with tempfile.TemporaryDirectory() as folder:
-        corpus = made_up(config, Path(folder), frames=200)
+        corpus = made_up(config, Path(folder))
         torch.manual_seed(0)
         network = build_model(corpus.config, sizes_of(corpus)).to(device)
         rows = answering(corpus, network, device)
