@@ -3,6 +3,7 @@
 VENV := .venv/bin
 OUT ?= out/first
 EPISODES ?= 2
+PUMA ?= out/puma
 TASKS ?= click_bell,place_container_plate,beat_block_hammer,shake_bottle,grab_roller,handover_block
 
 # one thread a process: the work is spread over processes
@@ -14,12 +15,21 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build test readme lint bench setup clean help
+.PHONY: build puma test readme lint bench setup clean help
 
 build: setup  ## set up, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
 	$(VENV)/domino-data export $(OUT) --format lerobot
 	$(VENV)/domino-data verify $(OUT)
+
+puma: setup  ## make a dataset of one task, train a small policy on it, evaluate it in closed loop
+	$(VENV)/domino-data build --manifest manifests/puma-tiny.yaml --out $(PUMA)/data || test $$? = 3
+	$(VENV)/domino-data export $(PUMA)/data --format parquet
+	$(VENV)/domino-data annotate $(PUMA)/data --stages flow
+	$(VENV)/domino-data annotate $(PUMA)/data --stages masks --mask-source sim
+	$(VENV)/puma train --config puma-tiny --data $(PUMA)/data --out $(PUMA)/run --set data.cache=$(PUMA)/cache
+	$(VENV)/puma replay-check $(PUMA)/run
+	$(VENV)/puma eval $(PUMA)/run --tasks click_bell --embodiment aloha --levels 0,1 --episodes 50 --out $(PUMA)/evaluation
 
 test: setup  ## run the tests
 	$(VENV)/pytest

@@ -29,7 +29,7 @@ SOURCE_SIZE = 240, 320
 FEATURE = 768
 
 
-def made_up(config: Config, folder: Path, frames: int = 2000) -> Corpus:
+def made_up(config: Config, folder: Path, frames: int = 500) -> Corpus:
     """A corpus of random numbers, on disk and memory-mapped as a real one."""
     model, data, rng = config.model, config.data, np.random.default_rng(0)
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {f"image_{c}": ((*data.image_size, 3), np.uint8) for c in data.cameras}
