@@ -163,7 +163,7 @@ def _allowed(schema: Mapping[str, Any]) -> str:
     bounds = [one[key] for key in ("minimum", "maximum") if key in one]
     if not bounds:
         return ""
-    return f" From {bounds[0]:g} to {bounds[1]:g}." if len(bounds) == 2 else f" {bounds[0]:g} or more."
+    return f" From {bounds[0]:,} to {bounds[1]:,}." if len(bounds) == 2 else f" {bounds[0]:,} or more."
 
 
 def main(paths: Sequence[str]) -> None:

@@ -20,7 +20,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     slot = next(iter(RECIPE.slots()))
     write_atomic(dataset.episode(slot), bytes(5000))
     rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
-    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "", rows, {"render": 1.0}).to_json())
+    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}).to_json())
     assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)
     assert values["finished"] == 1
