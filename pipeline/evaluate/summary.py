@@ -8,13 +8,13 @@ import numpy as np
 
 from pipeline.evaluate.intervals import bootstrap, wilson
 
-CELL = ("policy", "clock", "task", "embodiment", "level", "alpha", "domain")
+CELL = ("policy", "clock", "rules", "task", "embodiment", "level", "alpha", "domain")
 
 Row = dict[str, Any]
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:
-    """One row a policy x clock x task x embodiment x level x alpha x domain, in the order in which they first come."""
+    """One row a policy x clock x rules x task x embodiment x level x alpha x domain, in the order in which they first come."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row[key] for key in CELL)].append(row)
@@ -41,7 +41,9 @@ def numbers(rows: Sequence[Row]) -> Row:
     }
 
 
-def over_tasks(rows: Sequence[Row], by: Sequence[str] = ("policy", "clock", "embodiment", "level", "alpha", "domain")) -> list[Row]:
+def over_tasks(
+    rows: Sequence[Row], by: Sequence[str] = ("policy", "clock", "rules", "embodiment", "level", "alpha", "domain")
+) -> list[Row]:
     """Means of cells over their tasks, all and by category (interception, tracking); every task counts the same.
 
     The interval is a bootstrap over episodes inside each task.
@@ -80,12 +82,13 @@ def _stratified(groups: Sequence[Sequence[float]], resamples: int = 2000) -> tup
 
 def table(cells: Sequence[Row]) -> str:
     """The cells as aligned text."""
-    lines = [f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'n':>4}  SR % (95 %)        RC     MS   failures"]
+    head = f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'n':>4}"
+    lines = [f"{head}  SR % (95 %)        RC     MS   failures"]
     for c in cells:
         low, high = c["success_interval"]
         why = ", ".join(f"{name} {n}" for name, n in c["failures"].items())
         lines.append(
-            f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10} {c['episodes']:4}  "
+            f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10} {c['rules']:15} {c['episodes']:4}  "
             f"{c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {c['route_completion']:6.1f} {c['manipulation_score']:6.1f}   {why}"
         )
     return "\n".join(lines)

@@ -25,7 +25,16 @@ def test_bootstrap_of_many_is_the_normal_interval():
 
 
 def row(task, success, score, category="tracking", level=1, **other):
-    cell = {"policy": "p", "clock": "sim", "task": task, "embodiment": "r", "level": level, "alpha": 0.1, "domain": "clean"}
+    cell = {
+        "policy": "p",
+        "clock": "sim",
+        "rules": "strict",
+        "task": task,
+        "embodiment": "r",
+        "level": level,
+        "alpha": 0.1,
+        "domain": "clean",
+    }
     values = {"success": success, "route_completion": score, "manipulation_score": score, "penalties": [], "same_start": True}
     return (
         cell
@@ -46,6 +55,15 @@ def test_cells_are_counted_apart():
     assert (b["success_rate"], b["failures"]) == (100.0, {})
     assert (a3["level"], a3["success_rate"]) == (3, 0.0)
     assert "missed 1" in table([a, b, a3]).splitlines()[1]
+
+
+def test_rules_are_counted_apart():
+    both = [row("a", True, 100.0), row("a", False, 0.0, rules="domino")]
+    assert [(c["rules"], c["success_rate"]) for c in summarise(both)] == [("strict", 100.0), ("domino", 0.0)]
+    assert {(m["rules"], m["success_rate"]) for m in over_tasks(both) if m["category"] == "all"} == {
+        ("strict", 100.0),
+        ("domino", 0.0),
+    }
 
 
 def test_every_task_counts_the_same_in_a_mean():
