@@ -14,6 +14,7 @@ from pathlib import Path
 from pipeline.cli import main
 from tests.commands.bad_places import RECIPES, URDFS
 
+EPISODE = "episodes/click_bell/aloha-agilex/L1/clean/episode_0000000.hdf5"
 LONGEST = 800
 """Characters of a message."""
 
@@ -305,6 +306,10 @@ CASES = [
         ("piper", "directory"),
         *((f"piper robots/{name}", "robot.urdf") for name in (*URDFS, "empty", "text", "bomb", "encoding", "xacro")),
     ),
+    *cases(
+        "show", ("missing.hdf5", "missing.hdf5"), ("file", "file"), ("data", "data"), (f"cut/{EPISODE}", "cut"), ("", "EPISODE")
+    ),
+    *cases("check-object", ("nothing", "nothing"), ("", "NAME")),
     *(Case((verb,), verb) for verb in ("dance", "--nonsense")),
-    *(Case((verb, "--nonsense"), "--nonsense") for verb in ("tasks", "embodiments", "status", "verify")),
+    *(Case((verb, "--nonsense"), "--nonsense") for verb in ("tasks", "embodiments", "status", "verify", "doctor")),
 ]

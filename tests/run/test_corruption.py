@@ -158,12 +158,6 @@ def test_an_unfinished_dataset_is_no_damaged_one(whole, tmp_path):
     assert (files["checked"], files["detail"]) == (1, "1 checked, 1 slots not built yet")
 
 
-def test_workers_find_what_one_process_finds(whole, tmp_path):
-    dataset = Path(shutil.copytree(whole, tmp_path / "out"))
-    cut(0.5)(dataset / EPISODE)
-    assert verify(Dataset(dataset), Pool("ray", 1)) == verify(Dataset(dataset))
-
-
 PAGE = """# What damage is found, and who puts it right
 
 `domino-data verify OUT` reads every file by itself. The table lists the kinds of damage that the tests make, one by one, in

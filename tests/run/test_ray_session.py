@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,9 +14,11 @@ from urllib.request import urlopen
 
 import pytest
 
+from pipeline.data.dataset import Dataset
 from pipeline.run.doctor.alive import RAY, judge_ray
 from pipeline.run.pool import Pool
 from pipeline.run.ray_session import session
+from pipeline.run.verify import verify
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
 
 ROOT = Path(__file__).parents[2]
@@ -107,6 +110,16 @@ def test_a_leftover_cluster_is_not_joined(address: str):
 def test_the_doctor_hears_a_worker(capsys: pytest.CaptureFixture[str]):
     exec(RAY, {})
     assert judge_ray(json.loads(capsys.readouterr().out)).verdict == "PASS"
+
+
+@pytest.mark.usefixtures("address")
+def test_workers_that_verify_find_what_one_process_finds(built: Path, tmp_path: Path):
+    dataset = Path(shutil.copytree(built, tmp_path / "out"))
+    damaged = sorted(dataset.glob("episodes/**/*.hdf5"))[1]
+    damaged.write_bytes(damaged.read_bytes()[:5000])
+    found = verify(Dataset(dataset), Pool("ray", 2))
+    assert not found["ok"] and found["episodes"] == 2
+    assert found == verify(Dataset(dataset))
 
 
 def test_everything_listens_on_loopback(address: str):
