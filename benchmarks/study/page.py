@@ -49,8 +49,8 @@ def text(rows: Rows) -> str:
             "Recorded actions, `--clock late:MS`, level 1; per cent solved:",
             tables.timing(rows),
             "![Success rate against delay](evaluation_timing.png)",
-            f"At alpha 0.1 these keep at least {tables.ENOUGH:.0%} of their success when the target is 0.4 s late, and so measure "
-            f"no timing below that: {untimed}.",
+            f"At alpha 0.1 these keep at least {tables.ENOUGH:.0%} of their success when the target is 0.4 s late; what they "
+            f"measure of timing is coarser than that: {untimed}.",
             "### How much latency costs",
             "The interceptor at level 1, alpha 0.1, on `--clock latency:MS`; without latency the size of its answers is all one:",
             tables.delays(rows),

@@ -27,22 +27,23 @@ def policies(rows: Rows, path: Path) -> None:
     plt.close(figure)
 
 
-def timing(rows: Rows, path: Path, alpha: float = 0.1) -> None:
-    """Success rate of recorded actions against the target's delay: tasks thin, all together thick; both contact rules."""
+def timing(rows: Rows, path: Path) -> None:
+    """Success rate of recorded actions against the target's delay: tasks thin, at all alphas together; all tasks thick, an alpha a
+    line; both contact rules."""
     rows = rows.of(policy="replay", level=1)
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained", sharey=True)
     seconds = [ms / 1000 for ms in LATE]
     for axis, (rules, title) in zip(axes, (("strict", "stop"), ("strict-continue", "continue")), strict=True):
         group = rows.of(rules=rules)
         for task in group.values("task"):
-            rates = [group.of(task=task, alpha=alpha, clock=late(ms)).rate.percent for ms in LATE]
+            rates = [group.of(task=task, clock=late(ms)).rate.percent for ms in LATE]
             axis.plot(seconds, rates, lw=0.9, alpha=0.8, marker=".", label=task)
         for a, style in ((a, style) for a, style in zip(ALPHAS, (":", "-", "--"), strict=True) if a in group.values("alpha")):
             rates = [group.of(alpha=a, clock=late(ms)).rate.percent for ms in LATE]
             axis.plot(seconds, rates, f"k{style}", lw=2, label=f"all, alpha {a:g}")
         axis.set(title=f"contact: {title}", xlabel="target late by (s)", ylim=(-3, 103))
         axis.legend(fontsize=6)
-    axes[0].set(ylabel=f"success rate (%), tasks at alpha {alpha:g}")
+    axes[0].set(ylabel="success rate (%)")
     figure.savefig(path, dpi=100)
     plt.close(figure)
 

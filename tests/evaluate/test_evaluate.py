@@ -16,6 +16,9 @@ from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.policies import make_policy, policy_name
 from pipeline.evaluate.policy import PolicyError
+from pipeline.run import sources
+from pipeline.run.evaluation import EPISODE, evaluation_version
+from pipeline.run.keys import code_version
 from tests.evaluate.test_env import case_of
 
 ROOT = Path(__file__).parents[2]
@@ -65,6 +68,21 @@ def test_a_late_robot_misses_a_moving_bell():
     assert not row["success"]
     # 16 + 9.6 physics steps an action
     assert row["seconds"] == pytest.approx(row["asked"] * 26 / 240, abs=0.11)
+
+
+def test_a_policy_without_cameras_opens_no_renderer(monkeypatch):
+    def no_eyes(*arguments):
+        raise AssertionError("a renderer was opened")
+
+    monkeypatch.setattr("pipeline.evaluate.episode.Eyes", no_eyes)
+    assert "render" not in {name for name, seconds in episode("random", 1)["seconds_spent"].items() if seconds > 0.01}
+
+
+def test_the_version_of_results_covers_the_code_that_evaluates():
+    root = sources.package_root()
+    modules = sources.closure(root, EPISODE)
+    assert {f"pipeline.evaluate.{name}" for name in ("trial", "watch", "reference", "metrics", "protocol")} <= modules
+    assert evaluation_version() == evaluation_version() != code_version()
 
 
 def test_a_reference_policy_that_answers_in_chunks_waits_once_a_chunk():
