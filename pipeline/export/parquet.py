@@ -19,6 +19,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.data.annotations import stages_of
 from pipeline.export.annotations import IMAGE, Joined, joined_of
 from pipeline.export.common import (
     EXPORT_FAULTS,
@@ -100,7 +101,9 @@ class Parquet(Exporter[ParquetOptions]):
         problems: list[str] = []
         try:
             options = self.options_of(out)
-            chosen = ",".join(read_summary(out)["annotations"]) or "none"
+            # annotations that have been deleted since cannot be compared
+            left = [directory for directory in read_summary(out)["annotations"] if directory in stages_of(dataset)]
+            chosen = ",".join(left) or "none"
             plan = _plan(_firsts(paths, dataset), options, joined_of(dataset, chosen, options.camera_names))
             groups = [group for file in files for group in _groups(file)]
         except (*EXPORT_FAULTS, ExportError, pa.ArrowException) as error:
@@ -120,8 +123,7 @@ class Parquet(Exporter[ParquetOptions]):
                         problems.append(str(error))
                         continue
                     got = pa.concat_tables([pq.ParquetFile(name).read_row_group(group) for name, group in mine])
-                    alike = got.column_names == want.column_names
-                    differ = [c for c in want.column_names if not (alike and got[c].equals(want[c]))]
+                    differ = [c for c in want.column_names if c not in got.column_names or not got[c].equals(want[c])]
                     problems += [f"{where}: column {c} differs from {path}" for c in differ]
         if groups:
             problems.append(f"{out}: has {len(groups)} row groups that belong to no episode")

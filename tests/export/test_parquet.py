@@ -169,6 +169,8 @@ def test_annotations_are_joined_where_there_are_some(tmp_path, episodes):
     others = table.filter(pa.compute.greater(table["episode_index"], 0))
     assert others["masks_cam_high"].null_count == others["flow_rgb_cam_high"].null_count == len(others) == 9
     assert check_exports(tmp_path, out, "parquet", episodes) == []
+    (tmp_path / "annotations" / "masks@00000002" / "stage.json").unlink()
+    assert check_exports(tmp_path, out, "parquet", episodes) == []
     assert "flow_cam_high" not in pq.read_schema(_without(tmp_path, episodes)).names
     write_entry(annotation_path(tmp_path, "flow@00000001", second.relative_to(tmp_path / "episodes")), "key", flow, {})
     with pytest.raises(ExportError, match=r"flow@00000001.*not of the 6 frames"):
