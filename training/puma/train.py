@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 import yaml
-from accelerate import Accelerator
+from accelerate import Accelerator, DistributedType
 from torch import nn
 from tqdm import tqdm
 
@@ -55,6 +55,8 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     Raises TrainError for bad input, and for a directory that holds a run of another configuration.
     """
     accelerator = Accelerator(mixed_precision=config.train.precision, cpu=not torch.cuda.is_available())
+    if accelerator.distributed_type not in (DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU):
+        raise TrainError(f"accelerate is configured for {accelerator.distributed_type.value}: use one process, or DDP")
     main = accelerator.is_main_process
     _claim(config, out, main)
     corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
@@ -160,6 +162,9 @@ class _Run:
                 totals[name] = totals.get(name, 0.0) + float(value.detach()) / settings.accumulate
             timing.forward += middle - start
             timing.backward += time.perf_counter() - middle
+        if self.accelerator.num_processes > 1:
+            values: Any = self.accelerator.reduce(torch.tensor(list(totals.values()), device=device), "mean")
+            totals = dict(zip(totals, values.tolist(), strict=True))
         start = time.perf_counter()
         norm = self.accelerator.clip_grad_norm_(self.model.parameters(), settings.clip)
         self.optimizer.step()
