@@ -84,7 +84,7 @@ def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
 
 def test_rerun_reads_the_recording(dataset, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
-    root, (path, _) = dataset
+    _, (path, _) = dataset
     recording = chunk.RrdReader(log_episode(path, "one", tmp_path / "one.rrd"))
     assert [(r.application_id, r.recording_id) for r in recording.recordings()] == [("domino-data", "one")]
     rows = Counter()
