@@ -18,12 +18,14 @@ def view(
     out: Annotated[Path | None, typer.Option(help="Directory of the pages.", show_default="DATASET/report/view")] = None,
     episodes: Annotated[int, typer.Option(min=1, help="Episodes on the offline page, spread over the dataset.")] = PAGES,
     serve: Annotated[bool, typer.Option("--serve", help="Show all episodes from a server on this machine instead.")] = False,
+    rerun: Annotated[Path | None, typer.Option(help="Write recordings for rerun (.rrd) to this directory instead.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 takes a free one.")] = 0,
     open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write pages that show episodes, cameras in step with curves and events, or serve them; works without a network."""
     from pipeline.report.viewer import choose, viewer_server, write_viewer
+    from pipeline.report.viewer.rerun_log import log_episode
 
     source = Dataset(dataset)
     there = sorted(source.intact_episodes(source.recipe()))
@@ -40,6 +42,10 @@ def view(
             except KeyboardInterrupt:
                 return
     chosen = choose(there, episodes)
+    if rerun is not None:
+        names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
+        made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]
+        return say({"recordings": made}, as_json, "\n".join(made))
     with tqdm(total=len(chosen), unit="ep", disable=as_json or None) as bar:
         page = write_viewer(source.root, chosen, out or source.report.parent / "view", len(there), bar.update)
     say({"page": str(page), "episodes": len(chosen)}, as_json, str(page))

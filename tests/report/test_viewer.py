@@ -6,6 +6,7 @@ import re
 import threading
 import urllib.error
 import urllib.request
+from collections import Counter
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from pipeline.data.cameras import project
 from pipeline.data.episode import open_episode
 from pipeline.report.viewer import choose, viewer_server, write_viewer
 from pipeline.report.viewer.data import episode_data
+from pipeline.report.viewer.rerun_log import log_episode
 from tests.browser import browse, needs_browser
 from tests.synthetic import COLORS, episode_path, make_episode
 
@@ -78,6 +80,24 @@ def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
         finally:
             server.shutdown()
             thread.join()
+
+
+def test_rerun_reads_the_recording(dataset, tmp_path):
+    chunk = pytest.importorskip("rerun.chunk")
+    _, (path, _) = dataset
+    recording = chunk.RrdReader(log_episode(path, "one", tmp_path / "one.rrd"))
+    assert [(r.application_id, r.recording_id) for r in recording.recordings()] == [("domino-data", "one")]
+    rows = Counter()
+    for part in recording.stream().to_chunks():
+        rows[part.entity_path] += part.num_rows
+    wanted = [
+        "/cameras/left_camera",
+        "/world/target",
+        "/world/right_hand",
+        "/joints/left_joint6/state",
+        "/joints/right_gripper/action",
+    ]
+    assert [rows[name] for name in wanted] == [FRAMES] * 5 and rows["/events"] == 3 and rows["/world/target/path"] == 1
 
 
 @needs_browser
