@@ -60,11 +60,11 @@ def test_a_step_of_training_leaves_padded_actions_out():
     changed["action"][:, 3:] = 1e6
     assert float(policy.forward(changed)[0].detach()) == float(loss.detach())
     optimizer = torch.optim.AdamW(policy.get_optim_params())
-    for _ in range(30):
+    for _ in range(12):
         optimizer.zero_grad()
         policy.forward(given)[0].backward()
         optimizer.step()
-    assert float(policy.forward(given)[0].detach()) < 0.8 * float(loss.detach())
+    assert float(policy.forward(given)[0].detach()) < 0.9 * float(loss.detach())
 
 
 def test_a_saved_policy_answers_as_before_with_the_past_of_training(tmp_path: Path):

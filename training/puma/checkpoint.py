@@ -21,14 +21,17 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from pipeline.data.atomic import atomic_directory, remove
-from pipeline.data.keys import file_hash
+from pipeline.data.keys import digest, file_hash
 from training.puma.config import Config, parse_config
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes, build_model
 from training.puma.preprocess import Preprocessing
 
 SCHEMA = 1
-POLICY = '''"""A PUMA policy, weights {weights}: domino-data evaluate --policy THIS_FILE --cameras {cameras}"""
+POLICY = '''"""A PUMA policy, weights {weights}, configuration {config}.
+
+domino-data evaluate --policy THIS_FILE --cameras {cameras}
+"""
 
 from pathlib import Path
 
@@ -75,7 +78,7 @@ def save(folder: Path, network: Puma, optimizer: torch.optim.Optimizer, preproce
         text = json.dumps(preprocessing.to_dict(), indent=1)
         (part / "preprocessing.json").write_text(text + "\n")
         (part / "config.yaml").write_text(network.config.to_yaml())
-        weights = file_hash(part / "model.safetensors")[:16]
+        weights, how = file_hash(part / "model.safetensors")[:16], digest(network.config.model_dump(mode="json"))[:8]
         state = {
             "schema": SCHEMA,
             "step": standing.step,
@@ -85,7 +88,7 @@ def save(folder: Path, network: Puma, optimizer: torch.optim.Optimizer, preproce
             "preprocessing": preprocessing.digest,
         }
         (part / "state.json").write_text(json.dumps(state, indent=1) + "\n")
-        (part / "policy.py").write_text(POLICY.format(weights=weights, cameras=",".join(preprocessing.cameras)))
+        (part / "policy.py").write_text(POLICY.format(weights=weights, config=how, cameras=",".join(preprocessing.cameras)))
         (part / "README.md").write_text(standing.card)
 
 

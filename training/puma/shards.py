@@ -66,7 +66,7 @@ class Shards:
         try:
             table = pq.read_table(self.root / "episodes.parquet")
             self.files = sorted(self.root.glob("data-*.parquet"))
-            self._groups = [(f, i) for f in self.files for i in range(pq.read_metadata(f).num_row_groups)]
+            self._groups = _groups(self.files, table["length"].to_pylist())
             told = json.loads(pq.read_schema(self.files[0]).metadata[b"domino"])
         except (OSError, IndexError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
             raise TrainError(f"{source.dataset} has no usable Parquet export ({_short(error)}); run: {self._export()}") from error
@@ -177,10 +177,8 @@ class Shards:
 
     def read(self, row: Row) -> Shard:
         """One episode with its annotations. Raises TrainError where they were made from other images."""
-        name, group = self._groups[row.index]
         columns = ["timestamp", "state", "action", "target_pose", *self.columns.values()]
-        with pq.ParquetFile(name) as file:
-            table = file.read_row_group(group, columns=columns)
+        table = pa.concat_tables([_group(*place, columns) for place in self._groups[row.index]])
         images = {camera: [image["bytes"] for image in table[column].to_pylist()] for camera, column in self.columns.items()}
         frames = frames_digest(images[self.config.data.cameras[0]])
         annotations: dict[str, Mapping[str, NDArray[Any]]] = {}
@@ -204,6 +202,34 @@ class Shards:
             images=images,
             annotations=annotations,
         )
+
+
+def _groups(files: Sequence[Path], lengths: Sequence[int]) -> list[list[tuple[Path, int]]]:
+    """File and number of the row groups of each episode: consecutive ones that have its `length` together.
+
+    Fewer entries than episodes where the groups do not add up.
+    """
+    groups = [(file, i, pq.read_metadata(file).row_group(i).num_rows) for file in files for i in range(_count(file))]
+    found: list[list[tuple[Path, int]]] = []
+    for length in lengths:
+        mine, rows = list[tuple[Path, int]](), 0
+        while rows < length and groups:
+            file, number, count = groups.pop(0)
+            mine.append((file, number))
+            rows += count
+        if rows != length:
+            return found
+        found.append(mine)
+    return found if not groups else []
+
+
+def _count(file: Path) -> int:
+    return pq.read_metadata(file).num_row_groups
+
+
+def _group(file: Path, number: int, columns: Sequence[str]) -> pa.Table:
+    with pq.ParquetFile(file) as source:
+        return source.read_row_group(number, columns=list(columns))
 
 
 def _of_target(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], target: str) -> dict[str, NDArray[Any]]:

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.annotate.flow import Colour, colour_flow, farneback, shrink_grey
@@ -220,6 +221,20 @@ def test_an_export_without_every_episode_is_stale(copy: Path, tmp_path: Path, da
         entry.write_bytes(SlotRecord(parts, True, "0" * 64, (), {}).to_json())
     found = fails(config_of(copy, tmp_path / "cache"))
     assert "is stale: it has 3 episodes, the dataset 4" in found and found.endswith("--format parquet")
+
+
+def test_an_episode_may_be_cut_into_row_groups(copy: Path, tmp_path: Path):
+    config = config_of(copy, tmp_path / "cache")
+    whole = [Shards(config.data.sources[0], config).read(row) for row in Shards(config.data.sources[0], config).rows]
+    path = copy / "exports" / "parquet" / "data-00000.parquet"
+    table = pq.read_table(path)
+    with pq.ParquetWriter(path, table.schema) as writer:
+        for start, rows in ((0, 10), (10, 4), (14, 9), (23, 8), (31, 6)):
+            writer.write_table(table.slice(start, rows))
+    shards = Shards(config.data.sources[0], config)
+    for row, wanted in zip(shards.rows, whole, strict=True):
+        np.testing.assert_array_equal(shards.read(row).state, wanted.state)
+        assert shards.read(row).images == wanted.images
 
 
 def test_where_chooses_episodes(dataset: Path, cache: Path):
