@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.names import SIDES
+from pipeline.data.rules import rules_of
 from pipeline.data.state_log import StateLog
 from pipeline.export.common import Facts, read_facts, reading
 from pipeline.export.meetings import interception
@@ -17,7 +18,8 @@ from pipeline.export.meetings import interception
 def scalars(facts: Facts) -> dict[str, Any]:
     """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
 
-    Rows of one `physics_id` show the same physics in other looks: no split may separate them.
+    Rows of one `physics_id` show the same physics in other looks: no split may separate them. `rules` joins the rules, what the first
+    touch does, and where the bases stand unless at our places (data/rules.py).
     T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
     t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
     since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion.
@@ -31,6 +33,7 @@ def scalars(facts: Facts) -> dict[str, Any]:
         "level": spec.level,
         "alpha": float(spec.alpha),
         "domain": spec.domain,
+        "rules": rules_of(meta).label,
         "slot": spec.slot,
         "seed": spec.seed,
         "T_meet": meta.meeting_time,
@@ -56,7 +59,7 @@ def _time(log: StateLog, event: str) -> float | None:
 
 _SPEEDS = ("average_speed", "maximum_speed")
 SCALAR_TYPES = {
-    **dict.fromkeys(("task", "category", "embodiment", "domain", "target", "arms", "physics_key", "source"), pa.string()),
+    **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key", "source"), pa.string()),
     "physics_id": pa.string(),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
     **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),
