@@ -9,8 +9,11 @@ from benchmarks.fidelity import PAGE, page
 from pipeline.tasks import TASKS
 
 EVERY = pytest.mark.parametrize("name", sorted(TASKS))
-AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least_rise", "near"}
+AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least", "least_rise", "near"}
 """Limits that a value must be over."""
+
+OTHER_FLOOR = ("put_bottles_dustbin", "least")
+"""The original's bin has its floor higher up: its lower end would refuse what lies in ours, which the outline tells instead."""
 
 
 def test_the_page_is_up_to_date():
@@ -43,6 +46,8 @@ def test_what_moves_and_for_how_long_is_the_original_s(name):
 def test_domino_limits_and_sizes_are_those_of_the_dynamic_version(name):
     task, facts = TASKS[name], original()[name]
     for limit, value in facts["limits"]["dynamic"].items():
+        if (name, limit) == OTHER_FLOOR:
+            continue
         found = task.limits[limit]
         assert (found.strict if found.domino is None else found.domino) == value, limit
     for body, size in task.sizes.items():
@@ -57,6 +62,8 @@ def test_domino_limits_and_sizes_are_those_of_the_dynamic_version(name):
 @EVERY
 def test_strict_limits_are_no_looser_than_those_of_the_dynamic_version(name):
     for limit, value in original()[name]["limits"]["dynamic"].items():
+        if (name, limit) == OTHER_FLOOR:
+            continue
         strict = TASKS[name].limits[limit].strict
         assert strict >= value if limit in AT_LEAST else strict <= value, limit
 
