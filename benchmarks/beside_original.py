@@ -9,11 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.data.cameras import visible
 from pipeline.data.rules import Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, StateLog
-from pipeline.stages.scene import Scene, build_scene
+from pipeline.stages.scene import FRAME_MARGIN, Scene, build_scene
 from pipeline.tasks import TASKS, Draw, Placement
+from pipeline.world.body import TABLE_TOP
+from pipeline.world.cameras import cameras_of
+from pipeline.world.objects.families.bowl import Bowl
+from pipeline.world.objects.families.can import Can
+from pipeline.world.objects.families.cup import Cup
+from pipeline.world.objects.families.pill_bottle import PillBottle
+from pipeline.world.robots import get_embodiment
 
 HERE = Path(__file__).parent
 DRAWS = 120
@@ -22,17 +30,25 @@ DRAWS = 120
 ALIKE = 0.006
 """Two ends of a region that differ by less (m or rad) count as the same."""
 
+REVOLVED = (Bowl, Can, Cup, PillBottle)
+"""Bodies of revolution, which stand upright: their yaw changes nothing but the print on them."""
+
+SEEN = 0.01
+"""A target's region counts as cut by the image of the head camera where more than this (m) of an end is not seen."""
+
 Facts = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a body may stand, over both sides of the table: x, y and least |x| (m), yaw to either side of a quarter turn (rad)."""
+    """Where a body may stand, over both sides of the table: x, y and least |x| (m), yaw to either side of a quarter turn (rad);
+    `round`: the body is one of revolution, whose yaw is left out when two are compared."""
 
     x: tuple[float, float]
     y: tuple[float, float]
     yaw: float
     away: float
+    round: bool = False
 
     def __str__(self) -> str:
         x = f"±{self.x[1]:.2f}" if abs(sum(self.x)) < ALIKE and self.x[1] > 0 else span(self.x)
@@ -40,9 +56,9 @@ class Extent:
         return f"x {x}{far}; y {span(self.y)}; yaw {f'±{self.yaw:.2f}' if self.yaw else '0'}"
 
     def differs(self, other: "Extent") -> bool:
-        """Whether any end is another one, or the yaw has a smaller range."""
+        """Whether any end is another one, or the range of the yaw is, smaller or larger."""
         ours, theirs = ((*e.x, *e.y, e.away) for e in (self, other))
-        return bool((np.abs(np.subtract(ours, theirs)) > ALIKE).any()) or self.yaw < other.yaw - ALIKE
+        return bool((np.abs(np.subtract(ours, theirs)) > ALIKE).any()) or (not self.round and abs(self.yaw - other.yaw) > ALIKE)
 
 
 def span(ends: Iterable[float]) -> str:
@@ -79,8 +95,20 @@ def extents(task: str) -> dict[str, Extent]:
         x, y = (np.array([sorted(getattr(r, axis)) for r in regions]) for axis in ("x", "y"))
         away = min(max(r.away_from_centre, 0.0, *np.multiply((1, -1), sorted(r.x))) for r in regions)
         yaw = max(_turn(r.yaw) for r in regions)
-        found[name] = Extent((x.min(), x.max()), (y.min(), y.max()), yaw, float(away))
+        revolved = all(isinstance(p.instance, REVOLVED) for layout in layouts(task) for p in layout if p.name == name)
+        found[name] = Extent((x.min(), x.max()), (y.min(), y.max()), yaw, float(away), revolved)
     return found
+
+
+def seen(task: str) -> tuple[float, float] | None:
+    """Least and greatest x (m) at which a target on the table is seen by the head camera, anywhere in its region's y, where that
+    cuts an end of the region off; None where it does not."""
+    region, head = extents(task)[TASKS[task].target], cameras_of(get_embodiment("aloha-agilex"))[0]
+    x, y = np.meshgrid(np.linspace(*region.x, 141), np.linspace(*region.y, 41), indexing="ij")
+    points = np.stack([x, y, np.full_like(x, TABLE_TOP)], -1)
+    kept = x[visible(head.type, head.pose, points, FRAME_MARGIN).any(-1), 0]
+    low, high = float(kept.min()), float(kept.max())
+    return (low, high) if max(low - region.x[0], region.x[1] - high) > SEEN else None
 
 
 def _turn(yaw: tuple[float, float]) -> float:

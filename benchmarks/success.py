@@ -117,7 +117,15 @@ def rates(tries: Sequence[Try], robots: Sequence[str], levels: Sequence[int]) ->
     rows.append(" | ".join(["| 95 % interval", *(interval(tries, robot) for robot in robots), " |"]))
     still = [share(tries, tasks, robot, levels, "dry_run") for robot in robots]
     rows.append(" | ".join(["| dry runs alone", *still, " |"]))
-    rows.append(" | ".join(["| original, static", *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot in robots), " |"]))
+    rows.append(
+        " | ".join(
+            [
+                "| original, static (clean; its expert, attempts over seeds)",
+                *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot in robots),
+                " |",
+            ]
+        )
+    )
     return "\n".join(rows)
 
 

@@ -1,16 +1,20 @@
 """The page that sets our tasks beside the original's is up to date, and what it claims of the rules is so."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
-from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons
+from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons, seen
 from benchmarks.fidelity import PAGE, page
 from pipeline.tasks import TASKS
 
 EVERY = pytest.mark.parametrize("name", sorted(TASKS))
-AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least_rise", "near"}
+AT_LEAST = {"out", "cap", "lift", "rise", "head", "hole", "strike_height", "least", "least_rise", "near"}
 """Limits that a value must be over."""
+
+OTHER_FLOOR = ("put_bottles_dustbin", "least")
+"""The original's bin has its floor higher up: its lower end would refuse what lies in ours, which the outline tells instead."""
 
 
 def test_the_page_is_up_to_date():
@@ -43,6 +47,8 @@ def test_what_moves_and_for_how_long_is_the_original_s(name):
 def test_domino_limits_and_sizes_are_those_of_the_dynamic_version(name):
     task, facts = TASKS[name], original()[name]
     for limit, value in facts["limits"]["dynamic"].items():
+        if (name, limit) == OTHER_FLOOR:
+            continue
         found = task.limits[limit]
         assert (found.strict if found.domino is None else found.domino) == value, limit
     for body, size in task.sizes.items():
@@ -57,6 +63,8 @@ def test_domino_limits_and_sizes_are_those_of_the_dynamic_version(name):
 @EVERY
 def test_strict_limits_are_no_looser_than_those_of_the_dynamic_version(name):
     for limit, value in original()[name]["limits"]["dynamic"].items():
+        if (name, limit) == OTHER_FLOOR:
+            continue
         strict = TASKS[name].limits[limit].strict
         assert strict >= value if limit in AT_LEAST else strict <= value, limit
 
@@ -89,3 +97,21 @@ def test_extents_take_both_sides_together():
     turned = extents("rotate_qrcode")["sign"]
     assert turned.yaw == pytest.approx(0.7)
     assert all(a.differs(b) is (a != b) for a, b in pairwise([mouse, mouse, turned]))
+
+
+def test_a_yaw_of_either_width_is_a_difference_but_for_bodies_of_revolution():
+    sign = extents("rotate_qrcode")["sign"]
+    for yaw in (0.0, sign.yaw + 0.1):
+        assert sign.differs(replace(sign, yaw=yaw))
+        assert replace(sign, yaw=yaw).differs(sign)
+        assert not replace(sign, round=True).differs(replace(sign, yaw=yaw))
+    turned = {(name, body) for name in TASKS for body, e in extents(name).items() if e.round}
+    assert ("place_can_basket", "can") in turned
+    assert not turned & {("place_fan", "fan"), ("stamp_seal", "stamp"), ("handover_mic", "microphone")}
+
+
+def test_a_region_that_the_image_cuts_is_told_by_side():
+    low, high = seen("put_object_cabinet") or (0, 0)
+    assert low < -0.30
+    assert 0.24 < high < 0.28
+    assert seen("place_mouse_pad") is None

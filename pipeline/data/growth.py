@@ -1,6 +1,7 @@
 """Whether one recipe asks for all that another one holds, and for the same: then a dataset may grow from the one to the other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from pipeline.data.recipe import CHOOSING, Recipe
 
@@ -13,11 +14,23 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
     Vendor meshes may be added for robots that are new.
     """
     values, others = (recipe.model_dump(mode="json", exclude={*CHOOSING, "robot_meshes"}) for recipe in (held, wanted))
-    found = [f"{key} is {values[key]!r} there, not {others[key]!r}" for key in values if values[key] != others[key]]
+    found = [
+        f"{key} is {_said(held, values, key)} there, not {_said(wanted, others, key)}"
+        for key in values
+        if values[key] != others[key]
+    ]
     for robot in sorted({*held.robots()} & {*wanted.robots()}):
         if held.robot_meshes.get(robot) != wanted.robot_meshes.get(robot):
             found.append(f"{robot} has {'vendor' if robot in held.robot_meshes else 'no or other vendor'} meshes there (--assets)")
     return found
+
+
+def _said(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
+    """The value of a key as a message shows it."""
+    if key == "contact" and recipe.contact is None:
+        effect = "stop" if recipe.ruling().stops("tracking") else "continue"
+        return f"what the rules say ({effect})"
+    return repr(values[key])
 
 
 def left_out(held: Recipe, wanted: Recipe) -> list[str]:

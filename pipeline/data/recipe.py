@@ -1,6 +1,7 @@
 """A recipe: which episodes a dataset is to hold. Read from YAML, validated, expanded into cells and slots."""
 
 import itertools
+import math
 import reprlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -91,7 +92,7 @@ class Recipe(BaseModel):
     domains: tuple[Literal["clean", "randomized"], ...] = ("clean",)
     """Looks and surroundings: clean, or randomized with distractors, other table heights and camera poses."""
     alpha: tuple[Annotated[float, Field(ge=0, le=2)], ...] = (DEFAULT_ALPHA,)
-    """Speed coefficients of the target, m/s."""
+    """Speed coefficients of the target, m/s; 0 is a target that stands still, whatever the level."""
     episodes: _Count | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0, le=1_000_000)]] = 50
     """Wanted per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50, randomized: 10}."""
     attempts: Annotated[int, Field(ge=1, le=1000)] = 30
@@ -151,6 +152,8 @@ class Recipe(BaseModel):
             raise ValueError("is not a list of names or numbers")
         if not items and info.field_name != "tasks":
             raise ValueError("is empty")
+        if any(isinstance(item, float) and math.isnan(item) for item in items):
+            raise ValueError("is not a number")
         for item in items:
             if info.field_name == "tasks" and not is_name(item):
                 raise ValueError(f"holds {item!r}, which is not a name")

@@ -86,6 +86,11 @@ def test_a_directory_grows_to_any_recipe_that_holds_its_slots(tmp_path, more):
         ({"episodes": {"randomized": 2}}, "2 episodes a cell"),
         ({"seed": 3}, "seed is 0 there, not 3"),
         ({"fps": 30, "levels": (0, 1, 3)}, "fps is 15 there, not 30"),
+        ({"contact": "continue"}, r"contact is what the rules say \(stop\) there, not 'continue'"),
+        (
+            {"rules": "domino", "contact": "stop"},
+            r"rules is 'strict' there, not 'domino'; contact is what the rules say \(stop\) there, not 'stop'",
+        ),
         ({"robot_meshes": {"aloha-agilex": "ab"}}, "aloha-agilex has no or other vendor meshes"),
     ],
 )
@@ -96,6 +101,15 @@ def test_a_recipe_that_leaves_out_or_changes_what_is_held_is_refused(tmp_path, o
         dataset.create(RECIPE.model_copy(update=other))
     assert "\n" not in str(error.value)
     assert dataset.recipe() == RECIPE
+
+
+def test_a_contact_that_the_rules_imply_is_named_where_it_is_refused(tmp_path):
+    dataset = Dataset(tmp_path)
+    domino = RECIPE.model_copy(update={"rules": "domino"})
+    dataset.create(domino)
+    with pytest.raises(DatasetError, match=r"contact is what the rules say \(continue\) there, not 'continue'"):
+        dataset.create(domino.model_copy(update={"contact": "continue"}))
+    dataset.create(domino)
 
 
 def test_a_directory_grows_by_variants(tmp_path):

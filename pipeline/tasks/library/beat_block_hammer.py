@@ -20,7 +20,7 @@ class BeatBlockHammer(Task):
 
     Success: hammer face and block top within 2 cm (plane, per axis: the original's static tolerance; its dynamic one is 4 cm) at a
     frame in which they touch, with the hammer at least 2 cm above the table; the hammer held by the acting arm. The original's
-    height of 0.8 m is 1.7 cm above where its hammer's origin lies.
+    height of 0.8 m is 1.7 cm above the 0.783 m at which it places its hammer's origin; where that comes to rest is not recorded.
     """
 
     category = TRACKING

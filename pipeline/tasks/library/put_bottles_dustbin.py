@@ -22,16 +22,18 @@ class PutBottlesDustbin(Task):
 
     Success: the bottle below the rim and within the outline of the dustbin, no arm at it, after having been lifted 3 cm. The
     original asks for a box of 44 x 65 cm around the bin's middle and for 0.2 to 0.7 m, which is 7 to 57 cm above the floor of its
-    bin; ours has its floor at 1 cm, so that only the upper end is kept. One bottle, in the region of the
-    original's dynamic version. The original shifts the table by 30 cm to the right, so that its bin stands at x = -45 cm; here the
-    table stays and the bin stands on the floor at its left edge, about 39 cm further out, which all robots reach.
+    bin. Ours has its floor at 1 cm, so that its lower end would refuse a bottle that lies in the bin; without it the box, which is
+    wider than the bin, holds a bottle on the floor beside it, so that the outline is asked for under domino rules, too. One bottle,
+    in the region of the original's dynamic version. The original shifts the table by 30 cm to the right, so that its bin stands at
+    x = -45 cm; here the table stays and the bin stands on the floor at its left edge, about 39 cm further out, which all robots
+    reach.
     """
 
     category = INTERCEPTION
     step_limit = 1700
     target = "bottle"
-    limits = by_name(outline_x=Limit(0.221), outline_y=Limit(0.325), depth=Limit(0.57), lift=Limit(0.03))
-    own_conditions = ("within_outline", "below_rim", "released", "was_lifted")
+    limits = by_name(outline_x=Limit(0.221), outline_y=Limit(0.325), least=Limit(0.005), depth=Limit(0.57), lift=Limit(0.03))
+    own_conditions = ("below_rim", "released", "was_lifted")
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("dustbin", draw.one_of("dustbin"), Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0), fixed=True)
@@ -91,6 +93,6 @@ class PutBottlesDustbin(Task):
             "within_outline": bool(np.hypot(x, y) < rim[0]),
             "in_bin": within((x, y), (limit["outline_x"], limit["outline_y"])),
             "below_rim": bool(z < rim[2]),
-            "at_height": bool(0 <= z < limit["depth"]),
+            "at_height": bool(limit["least"] < z < limit["depth"]),
             "released": not o.handled("bottle"),
         }

@@ -17,8 +17,8 @@ class StampSeal(Task):
 
     Success: face of the stamp within 1 cm (per axis) of the pad's centre and 1 cm (height), upright, resting on it after having
     been lifted 3 cm, both grippers measured open: the original's static tolerance and pad (7 cm), where its dynamic version allows
-    a distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees count the turn about the vertical too, which makes no
-    difference to a stamp; here they are the tilt. As in its dynamic version the stamp stands in the middle of the table and the
+    a distance of 3.5 cm and 54 degrees on a 9 cm pad. Those 54 degrees count the turn about the vertical too; here they are
+    the tilt alone. As in its dynamic version the stamp stands in the middle of the table and the
     pad on either side, which chooses the arm.
     """
 

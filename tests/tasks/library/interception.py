@@ -425,13 +425,13 @@ INTERCEPTION = {
     "put_bottles_dustbin": Spec(
         in_bin,
         (
-            below("within_outline", bottle(0, lambda half, q: q * half[0]), 1.0, None, ("in_bin",)),
-            below("within_outline", bottle(1, lambda half, q: q * half[0]), 1.0, None),
+            below("within_outline", bottle(0, lambda half, q: q * half[0]), 1.0, 1.0, ("in_bin",)),
+            below("within_outline", bottle(1, lambda half, q: q * half[0]), 1.0, 1.0),
             below("in_bin", bottle(0, lambda half, q: q), 0.221, 0.221, ("within_outline",), (1, -1)),
             below("in_bin", bottle(1, lambda half, q: q), 0.325, 0.325, ("within_outline",), (1, -1)),
             below("below_rim", bottle(2, lambda half, q: q * half[2]), 1.0, None, ("at_height",)),
             below("at_height", bottle(2, lambda half, q: q), 0.57, 0.57, ("below_rim",)),
-            positive("at_height", bottle(2, lambda half, q: q)),
+            above("at_height", bottle(2, lambda half, q: q), 0.005, 0.005),
             fails("released", lambda t: t.touch(ARM, "bottle"), asked=False),
             Row("was_lifted", lambda t, q: t.begin("bottle", q), [(0.0288, False), (0.0312, True)], None),
         ),

@@ -4,8 +4,10 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+from pipeline.poses import pose, quat_about
 from pipeline.tasks import TASKS
 from tests.tasks.library.interception import INTERCEPTION
 from tests.tasks.library.take import Take, wrong
@@ -77,6 +79,18 @@ def test_the_rows_notice_a_limit_that_is_a_tenth_off(task, monkeypatch):
                 off = replace(limit, **{rules: getattr(limit, rules) + wrong_by})
                 monkeypatch.setattr(kind, "limits", {**true, name: off})
                 assert next(mismatches(task, rules), None), f"{task}, {rules}: nothing pins {name} to {getattr(limit, rules)}"
+
+
+@pytest.mark.parametrize("rules", ["strict", "domino"])
+@pytest.mark.parametrize("beside", [(0.0, 0.30), (0.0, -0.30), (0.20, 0.22)])
+def test_a_bottle_that_lies_on_the_floor_beside_the_bin_is_not_in_it(rules, beside):
+    """The original's box around the bin is wider than ours is."""
+    take = Take("put_bottles_dustbin", rules)
+    SPECS["put_bottles_dustbin"].good(take)
+    x, y, _ = take.pose("dustbin")[:3]
+    take.put("bottle", pose((x + beside[0], y + beside[1], 0.035), quat_about((0, 1, 0), np.pi / 2)))
+    take.peak("bottle")
+    assert wrong(take) == {"within_outline"}
 
 
 def test_only_known_conditions_are_our_own():
