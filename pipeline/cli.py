@@ -79,3 +79,7 @@ def main() -> None:
         sys.exit(2)
     # the exit code of a verb that raised typer.Exit
     sys.exit(code if isinstance(code, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -14,10 +14,12 @@ def doctor(
 ) -> None:
     """Examine this machine; exit code 1 where something keeps it from building."""
     import json
+    import sys
 
     from pipeline.run.doctor import diagnose
 
     results = []
+    print("examining this machine, about 15 s", file=sys.stderr, flush=True)
     for result in diagnose(out):
         results.append(result)
         if not as_json:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode import INFLATION
 from pipeline.data.keys import arrays_digest, canonical
+from pipeline.data.reading import parse_json, read_regular
 
 
 class CorruptAnnotation(Exception):
@@ -66,4 +67,4 @@ def read_entry(path: Path) -> Entry:
 def stages_of(dataset: Path) -> dict[str, dict[str, Any]]:
     """Stage directories that a dataset has: directory name -> content of its stage.json, sorted by name."""
     found = sorted((Path(dataset) / "annotations").glob("*@*/stage.json"))
-    return {path.parent.name: json.loads(path.read_text()) for path in found}
+    return {path.parent.name: parse_json(read_regular(path)) for path in found}

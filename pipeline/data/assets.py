@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, digest
+from pipeline.data.reading import check_regular
 
 _ATTRIBUTES = "attributes"
 _DIGITS = 32
@@ -59,13 +60,14 @@ class AssetStore:
         """Arrays and attributes of an asset. Raises AssetError where it is missing, damaged or not what its hash says."""
         path = self.path(key)
         try:
+            check_regular(path)
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; {_FIX}") from error
         except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-            raise AssetError(f"{path}: cannot be read ({error}); {_FIX}") from error
+            raise AssetError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); {_FIX}") from error
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; {_FIX}")
         return arrays, attributes

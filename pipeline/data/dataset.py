@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,6 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
+from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe, read_recipe
 
 CHANGED = "bytes differ from the ledger's sha256; the build command of this dataset, run again, makes it anew"
@@ -21,6 +23,10 @@ CHANGED = "bytes differ from the ledger's sha256; the build command of this data
 
 class DatasetError(DominoError):
     """A dataset directory that cannot be used as asked: one line with the fix."""
+
+
+FOLDERS = ("annotations", "assets", "episodes", "exports", "ledger", "report")
+"""Directories of a dataset."""
 
 
 class Dataset:
@@ -81,6 +87,7 @@ class Dataset:
 
         Raises DatasetError where it holds another, or more.
         """
+        self.check_folders()
         if self.manifest.exists():
             held = self.recipe()
             if held == recipe:
@@ -100,17 +107,33 @@ class Dataset:
 
     def recipe(self) -> Recipe:
         """The frozen recipe, whose names were resolved when it was frozen. Raises DatasetError where there is none."""
+        self.check_folders()
         if not self.manifest.exists():
             raise DatasetError(f"{self.root} is no dataset: it has no manifest.yaml")
+        try:
+            check_regular(self.manifest)
+        except OSError as error:
+            raise DatasetError(f"{self.manifest}: {error.strerror}") from error
         try:
             return parse_recipe(read_recipe(self.manifest), str(self.manifest))
         except RecipeError as error:
             raise DatasetError(str(error)) from error
 
+    def check_folders(self) -> None:
+        """Raise DatasetError for a file where the dataset or one of its directories belongs."""
+        if os.path.lexists(self.root) and not self.root.is_dir():
+            raise DatasetError(f"{self.root} is a file, and a dataset is a directory: name another")
+        for name in FOLDERS:
+            path = self.root / name
+            if os.path.lexists(path) and not path.is_dir():
+                raise DatasetError(f"{path} is a file where a directory belongs; remove it")
+
     def record(self, slot: Slot) -> SlotRecord | None:
-        """The ledger entry of a slot, or None where there is none that can be read."""
+        """The ledger entry of a slot, or None where there is none or it is damaged. Raises PermissionError."""
         try:
-            return SlotRecord.from_json(self.ledger(slot).read_bytes())
+            return SlotRecord.from_json(read_regular(self.ledger(slot)))
+        except PermissionError:
+            raise
         except (OSError, ValueError, TypeError, AttributeError, KeyError):
             return None
 
@@ -118,7 +141,7 @@ class Dataset:
         """Every slot of the recipe that was filled or given up, in the recipe's order; those whose episode is missing are not."""
         for slot in recipe.slots():
             record = self.record(slot)
-            if record is not None and (not record.accepted or self.episode(slot).exists()):
+            if record is not None and (not record.accepted or os.path.lexists(self.episode(slot))):
                 yield slot, record
 
     def accepted(self, recipe: Recipe) -> list[Path]:
@@ -126,9 +149,11 @@ class Dataset:
         return [self.episode(slot) for slot, record in self.records(recipe) if record.accepted]
 
     def intact(self, slot: Slot, record: SlotRecord) -> bool:
-        """Whether a slot's episode is there with the bytes that its ledger entry names."""
+        """Whether a slot's episode is there with the bytes that its ledger entry names. Raises PermissionError."""
         try:
             return file_hash(self.episode(slot)) == record.sha256
+        except PermissionError:
+            raise
         except OSError:
             return False
 
@@ -141,22 +166,42 @@ class Dataset:
         if not (self.root / "ledger").is_dir():
             return
         try:
-            record = SlotRecord.from_json(entry.read_bytes())
+            record = SlotRecord.from_json(read_regular(entry))
         except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
             raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot") from error
-        if not record.accepted or file_hash(self.episodes / episode) != record.sha256:
+        try:
+            same = record.accepted and file_hash(self.episodes / episode) == record.sha256
+        except OSError as error:
+            raise DatasetError(f"{self.episodes / episode}: cannot be read ({error.strerror})") from error
+        if not same:
             raise DatasetError(f"{self.episodes / episode}: {CHANGED}")
 
     def intact_episodes(self, recipe: Recipe) -> list[Path]:
-        """As `accepted`, after reading every file. Raises DatasetError for those whose bytes are not those of the ledger."""
+        """As `accepted`, after reading every file. Raises DatasetError for those that cannot be read or are not the ledger's."""
         found = [(slot, record) for slot, record in self.records(recipe) if record.accepted]
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-            intact = list(threads.map(lambda pair: self.intact(*pair), found))
-        damaged = [slot for (slot, _), ok in zip(found, intact, strict=True) if not ok]
+            try:
+                hashes = list(threads.map(lambda pair: file_hash(self.episode(pair[0])), found))
+            except OSError as error:
+                raise DatasetError(f"{error.filename}: cannot be read ({error.strerror}); run the build again") from error
+        damaged = [slot for (slot, record), found_hash in zip(found, hashes, strict=True) if found_hash != record.sha256]
         if damaged:
             others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
             raise DatasetError(f"{self.episode(damaged[0])}{others}: {CHANGED}")
         return [self.episode(slot) for slot, _ in found]
+
+    def made_by(self) -> dict[str, Any]:
+        """What provenance.json says; empty where there is none. Raises DatasetError for one that cannot be read."""
+        try:
+            values = parse_json(read_regular(self.provenance))
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            said = (error.strerror if isinstance(error, OSError) else None) or " ".join(str(error).split())
+            raise DatasetError(f"{self.provenance}: cannot be read ({said}); run the build again") from error
+        if not isinstance(values, dict):
+            raise DatasetError(f"{self.provenance}: does not say what made the dataset; run the build again")
+        return values
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""

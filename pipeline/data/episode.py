@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from pipeline.data.jpeg import EpisodeError, decode_frame
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import SIDES
+from pipeline.data.reading import check_regular
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
 
@@ -48,6 +49,7 @@ class EpisodeFile:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         try:
+            check_regular(self.path)
             self._file = h5py.File(self.path, "r")
             self._bytes = self.path.stat().st_size
         except (OSError, RuntimeError) as error:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.reading import open_regular
+
 
 def canonical(value: Any) -> bytes:
     """Canonical JSON of plain data: sorted keys, no spaces, UTF-8. Raises ValueError for NaN, TypeError for what JSON lacks."""
@@ -43,8 +45,8 @@ def arrays_digest(arrays: Mapping[str, NDArray[Any]]) -> str:
 
 
 def file_hash(path: Path) -> str:
-    """sha256 of a file's bytes."""
-    with open(path, "rb") as f:
+    """sha256 of a file's bytes. Raises OSError for what is no regular file."""
+    with open_regular(path) as f:
         return hashlib.file_digest(f, "sha256").hexdigest()
 
 

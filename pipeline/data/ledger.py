@@ -1,13 +1,15 @@
 """The ledger: for every finished slot its keys, the hash of its episode, and all its attempts."""
 
 import json
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
 
-from pipeline.data.keys import SlotKeys
+from pipeline.data.keys import SlotKeys, canonical
+from pipeline.data.reading import parse_json
 
 ATTEMPTS = pa.schema(
     [
@@ -32,16 +34,21 @@ ATTEMPTS = pa.schema(
 """Columns of attempts.parquet: one row an attempt; speeds (m/s) and displacement (m) of the motion that was drawn, if any."""
 
 _SHA256 = re.compile("[0-9a-f]{64}")
-_KINDS: dict[str, tuple[type, ...]] = {
-    column.name: (str,)
-    if column.type == pa.string()
-    else (list,)
-    if pa.types.is_list(column.type)
-    else (float, int)
-    if column.type == pa.float64()
-    else (int,)
-    for column in ATTEMPTS
-}
+_LARGEST_WHOLE = 2**53  # beyond it not every whole number is a float64
+
+
+def _fits(column: str, value: Any) -> bool:
+    """Whether a value can stand in a column of ATTEMPTS as it is."""
+    kind = ATTEMPTS.field(column).type if column in ATTEMPTS.names else None
+    if kind == pa.string():
+        return isinstance(value, str)
+    if kind == pa.list_(pa.string()):
+        return isinstance(value, list) and all(isinstance(each, str) for each in value)
+    if isinstance(value, bool) or kind is None:
+        return False
+    if kind == pa.float64():
+        return math.isfinite(value) if isinstance(value, float) else isinstance(value, int) and abs(value) <= _LARGEST_WHOLE
+    return isinstance(value, int) and -(2 ** (kind.bit_width - 1)) <= value < 2 ** (kind.bit_width - 1)
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,8 @@ class SlotRecord:
     @classmethod
     def from_json(cls, text: str | bytes) -> "SlotRecord":
         """Inverse of `to_json`. Raises ValueError, TypeError, AttributeError or KeyError for text that is no record."""
-        values = json.loads(text)
+        values = parse_json(text)
+        canonical(values)  # refuses infinite numbers and texts that have no UTF-8
         record = cls(**(values | {"keys": SlotKeys.from_json(values["keys"]), "attempts": tuple(values["attempts"])}))
         record._check()
         return record
@@ -77,7 +85,7 @@ class SlotRecord:
         if self.accepted != bool(_SHA256.fullmatch(self.sha256)) or (self.sha256 and not self.accepted):
             raise ValueError("a slot has the sha256 of an episode where it was accepted, and only there")
         for row in self.attempts:
-            wrong = [name for name, value in row.items() if not isinstance(value, _KINDS.get(name, ()))]
+            wrong = [name for name, value in row.items() if not _fits(name, value)]
             if wrong or not {"seed", "outcome"} <= set(row):
                 raise ValueError(f"an attempt has {wrong[0] if wrong else 'no seed or outcome'}, which is no value of that column")
         if self.attempts and (self.attempts[-1]["outcome"] == "accepted") != self.accepted:

@@ -19,6 +19,7 @@ from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.errors import DominoError
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import exported_names
+from pipeline.data.reading import parse_json, read_regular
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import StateLog
 
@@ -219,8 +220,8 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
 def read_summary(out: Path) -> dict[str, Any]:
     """export.json of an export. Raises ExportError where it cannot be read."""
     try:
-        return dict(json.loads((out / SUMMARY).read_text()))
-    except (OSError, ValueError) as error:
+        return dict(parse_json(read_regular(out / SUMMARY)))
+    except (OSError, ValueError, TypeError) as error:
         raise ExportError(f"{out}: has no readable {SUMMARY} ({error})") from error
 
 

@@ -9,6 +9,7 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, EpisodeFile
+from pipeline.data.reading import parse_json, read_regular
 from pipeline.data.recipe import Recipe, parse_recipe
 from pipeline.report.page import refresh
 from pipeline.run.build import ATTEMPT_SECONDS, provenance
@@ -86,7 +87,7 @@ def render(
 def _provenance(source: Dataset) -> Any:
     """What the source says it was made by; nothing where its file is missing or damaged, which is for `verify` to say."""
     try:
-        return json.loads(source.provenance.read_bytes())
+        return parse_json(read_regular(source.provenance))
     except (OSError, ValueError):
         return {}
 

@@ -1,5 +1,6 @@
 """A dataset directory: its recipe, its ledger, its attempts."""
 
+import errno
 import json
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
+from pipeline.data.reading import parse_json
 from pipeline.data.recipe import parse_recipe
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
@@ -171,3 +173,75 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
     assert table.column("outcome").to_pylist() == ["failed", "accepted", "failed", "accepted", "failed"]
     assert not [p for p in everything(tmp_path) if p.endswith(".tmp")]
     assert json.loads(dataset.ledger(slots[1]).read_text())["phases"] == {"render": 1.0}
+
+
+# --- what stands in its place -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"sim_steps": 10**30}, "sim_steps"),
+        ({"level": 128}, "level"),
+        ({"attempt": True}, "attempt"),
+        ({"seconds": float("inf")}, "Out of range float"),
+        ({"seconds": 2**53 + 2}, "seconds"),
+        ({"detail": "\ud800"}, "surrogates"),
+        ({"conditions": ["near", 3]}, "conditions"),
+    ],
+)
+def test_a_ledger_entry_holds_only_what_the_table_of_attempts_can(change, said):
+    row = attempt_row(0) | change
+    text = SlotRecord(KEYS, True, "0" * 64, (row,), {}).to_json()
+    with pytest.raises(ValueError, match=said):
+        SlotRecord.from_json(text)
+
+
+@pytest.mark.parametrize(("text", "said"), [('{"a": 1, "a": 2}', "twice"), ("[" * 20_000 + "]" * 20_000, "deeply"), ("{", "property name")])
+def test_json_that_is_refused(text, said):
+    with pytest.raises(ValueError, match=said):
+        parse_json(text)
+
+
+@pytest.mark.parametrize("name", ["annotations", "assets", "episodes", "exports", "ledger", "report"])
+def test_a_file_where_a_directory_belongs_is_named(tmp_path, name):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    (tmp_path / name).write_text("")
+    for use in (dataset.recipe, lambda: dataset.create(RECIPE)):
+        with pytest.raises(DatasetError, match=f"{name} is a file where a directory belongs; remove it"):
+            use()
+
+
+def test_a_dataset_that_is_a_file(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(DatasetError, match="is a file"):
+        Dataset(tmp_path / "out").recipe()
+
+
+def test_what_may_not_be_read_is_neither_absent_nor_damaged(tmp_path, monkeypatch):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    finish(dataset, SLOT)
+
+    def refuse(path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.data.keys.open_regular", refuse)
+        with pytest.raises(DatasetError, match=r"hdf5: cannot be read \(Permission denied\)"):
+            dataset.intact_episodes(RECIPE)
+    monkeypatch.setattr("pipeline.data.dataset.read_regular", refuse)
+    with pytest.raises(PermissionError):
+        list(dataset.records(RECIPE))
+
+
+@pytest.mark.parametrize("target", ["nowhere", "episode_0000000.hdf5"])
+def test_a_link_that_leads_nowhere_is_no_episode_less(tmp_path, target):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    finish(dataset, SLOT)
+    dataset.episode(SLOT).unlink()
+    dataset.episode(SLOT).symlink_to(target)
+    with pytest.raises(DatasetError, match="cannot be read"):
+        dataset.intact_episodes(RECIPE)

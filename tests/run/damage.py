@@ -1,6 +1,7 @@
 """Ways to damage a file, and what a kind of damage is."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -68,6 +69,18 @@ def dangling(path: Path) -> None:
     """Put a link to nothing where the file was."""
     path.unlink()
     path.symlink_to("nowhere")
+
+
+def pipe(path: Path) -> None:
+    """Put a named pipe, which nothing writes to, where the file was."""
+    path.unlink()
+    os.mkfifo(path)
+
+
+def device(path: Path) -> None:
+    """Put a link to a device that never ends where the file was."""
+    path.unlink()
+    path.symlink_to("/dev/zero")
 
 
 def gone(path: Path) -> None:

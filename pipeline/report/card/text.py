@@ -1,6 +1,5 @@
 """Writes the card of an export: Markdown, and its images in card/."""
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -196,7 +195,7 @@ def _splits(seen: Sequence[Seen]) -> str:
 
 def _made(dataset: Path) -> str:
     place = Dataset(dataset)
-    made = json.loads(place.provenance.read_text()) if place.provenance.exists() else {}
+    made = place.made_by()
     rows = [[key, made[key]] for key in ("renderer", "processor", "python", "code_version") if key in made]
     rows += [[name, version] for name, version in made.get("packages", {}).items()]
     recipe = place.manifest.read_text().strip() if place.manifest.exists() else ""

@@ -1,7 +1,8 @@
 """All checks of a dataset: every file judged by itself, on as many workers as wanted, then what concerns them all."""
 
+import os
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
 from pipeline.run.pool import Died, Done, Limit, Pool
 from pipeline.run.ray_session import session
-from pipeline.run.state import DONE, OPEN, states
+from pipeline.run.state import DONE, OPEN, SlotState, states
 from pipeline.run.strikes import Strikes
 from pipeline.run.verify.episode import Judged, judge_episode
 from pipeline.run.verify.exports import check_export, exports_of
@@ -67,17 +68,17 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
         for each in judged:
             tally.add(each.findings)
         sound = [each for each in judged if each.sound]
-        accepted = sum(state.record is not None and state.record.accepted for _, state in found)
-        rest = [Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages]
-        paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
-        exports = exports_of(dataset)
-        if len(sound) == accepted:
-            rest += [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
-        for each in _judge(rest, pool, bar):
+        annotated = list(_judge([Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages], pool, bar))
+        for each in annotated:
             tally.add(each.findings)
-    if len(sound) < accepted:
-        for place in exports:
-            tally[f"export {place.name}"].note = f"not compared while {accepted - len(sound)} episodes are damaged"
+        exports, hindered = exports_of(dataset), _hindrance(dataset, found, sound, annotated)
+        paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
+        if not hindered:
+            compared = [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
+            for each in _judge(compared, pool, bar):
+                tally.add(each.findings)
+    for place in exports if hindered else []:
+        tally[f"export {place.name}"].note = hindered
     tally.add(check_strays(dataset, recipe))
     names = [(dataset.episode(each.slot).relative_to(dataset.root).as_posix(), each.assets) for each in sound]
     tally.add(check_assets(dataset, names))
@@ -117,6 +118,22 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
     yield from (done[name] for name in order)
 
 
+def _hindrance(
+    dataset: Dataset, found: Iterable[tuple[Slot, SlotState]], sound: Sequence[Judged], annotated: Iterable[Judged]
+) -> str:
+    """Why no export can be compared now; empty where it can."""
+    there = [
+        state.record.accepted if state.record else os.path.lexists(dataset.episode(slot)) or os.path.lexists(dataset.ledger(slot))
+        for slot, state in found
+    ]
+    if sum(there) > len(sound):
+        return f"not compared while {sum(there) - len(sound)} episodes are damaged"
+    if not sound:
+        return "not compared while there are no episodes"
+    damaged = any(each.problem and each.check.startswith("annotations") for judged in annotated for each in judged.findings)
+    return "not compared while annotations are damaged" if damaged else ""
+
+
 def judge() -> Callable[[Job], Judged]:
     """The work of a worker."""
     return judge_one
@@ -127,7 +144,10 @@ def judge_one(job: Job) -> Judged:
     dataset = Dataset(Path(job.root))
     if job.slot is None:
         place = dataset.root / job.directory
-        found = check_export(dataset, place, [Path(e) for e in job.episodes]) if job.episodes else check_stage(dataset, place)
+        if place.parent.name == "exports":
+            found = check_export(dataset, place, [Path(e) for e in job.episodes])
+        else:
+            found = check_stage(dataset, place, {dataset.episode(slot) for slot in job.recipe.slots()})
         return Judged(next(job.recipe.slots()), list(found))
     record, findings = check_ledger(dataset, job.recipe, job.slot)
     if record is None or not record.accepted:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.reading import IRREGULAR
 from pipeline.export import EXPORTERS
 from pipeline.export.common import ExportError, read_summary
 from pipeline.run.verify.tally import FAULTS, Finding, line
@@ -25,6 +26,9 @@ def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Ite
         exporter = EXPORTERS[name]
     except FAULTS as error:
         yield Finding(check, f"{where}: cannot be read ({line(error)}); {EXPORT_AGAIN}, or remove it")
+        return
+    if irregular := [p for p in sorted(place.rglob("*")) if not p.is_file() and not p.is_dir()]:
+        yield Finding(check, f"{irregular[0].relative_to(dataset.root)}: {IRREGULAR} and {EXPORT_AGAIN}")
         return
     try:
         problems = exporter.check(dataset.root, place, sorted(episodes))

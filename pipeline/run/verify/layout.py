@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
+from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.verify.tally import FAULTS, Finding, line, seen
 
@@ -26,7 +27,7 @@ def check_ledger(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotReco
         said = f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}"
         return None, [Finding("files", said)] if stray else []
     try:
-        record = SlotRecord.from_json(path.read_bytes())
+        record = SlotRecord.from_json(read_regular(path))
     except FAULTS as error:
         return None, [Finding("ledger", f"{name}: cannot be read ({line(error)}); {AGAIN}")]
     cell = slot.cell
@@ -65,6 +66,7 @@ def check_attempts(dataset: Dataset, recipe: Recipe, finished: bool) -> Iterator
         yield seen("attempts", not finished, f"{name}: is missing; {AGAIN}")
         return
     try:
+        check_regular(dataset.attempts)
         rows = pq.read_table(dataset.attempts, schema=ATTEMPTS).to_pylist()
         records = [record for slot in recipe.slots() if (record := dataset.record(slot)) is not None]
         ledger = [row for record in records for row in record.attempts]
@@ -85,7 +87,7 @@ def check_provenance(dataset: Dataset, finished: bool) -> Iterator[Finding]:
         yield seen("provenance", not finished, f"{path.name}: is missing; {AGAIN}")
         return
     try:
-        values = json.loads(path.read_bytes())
+        values = parse_json(read_regular(path))
         complete = {"code_version", "packages", "renderer"} <= set(values)
     except FAULTS as error:
         yield Finding("provenance", f"{path.name}: cannot be read ({line(error)}); {AGAIN}")

@@ -1,7 +1,6 @@
 """What is stored beside the episodes: the assets they were drawn from, and their annotations."""
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from pipeline.data.assets import AssetError, AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode import EpisodeFile
 from pipeline.data.keys import frames_digest
+from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe
 from pipeline.run.verify.tally import FAULTS, Finding, line, seen
 from pipeline.world.robots.mesh_store import folder_of, mesh_hash
@@ -53,11 +53,11 @@ def check_robot_meshes(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
         yield seen("robot meshes", mesh_hash(dataset.assets, model) == key, said)
 
 
-def check_stage(dataset: Dataset, directory: Path) -> Iterator[Finding]:
-    """One directory of annotations: stage.json, and every file by itself."""
+def check_stage(dataset: Dataset, directory: Path, wanted: Collection[Path]) -> Iterator[Finding]:
+    """One directory of annotations: stage.json, and every file by itself; `wanted` are the episode files of the recipe."""
     check, where = f"annotations {directory.name}", directory.relative_to(dataset.root)
     try:
-        stage = json.loads((directory / "stage.json").read_bytes())
+        stage = parse_json(read_regular(directory / "stage.json"))
         of = (str(stage["stage"]), int(stage["version"]), dict(stage["parameters"]))
         named = directory.name == f"{of[0]}@{stage_key(*of)}"
     except FAULTS as error:
@@ -69,10 +69,11 @@ def check_stage(dataset: Dataset, directory: Path) -> Iterator[Finding]:
     for path in sorted(p for p in directory.rglob("*") if not p.is_dir() and p.suffix != ".tmp" and p.name != "stage.json"):
         name = path.relative_to(dataset.root).as_posix()
         episode = dataset.episodes / path.relative_to(directory).with_suffix(".hdf5")
-        if path.suffix != ".h5" or not episode.exists():
+        if path.suffix != ".h5" or (episode not in wanted and not episode.exists()):
             yield Finding("strays", f"{name}: belongs to no episode; remove it")
             continue
         try:
+            check_regular(path)
             entry = read_entry(path)
         except (CorruptAnnotation, *FAULTS) as error:
             yield Finding(check, f"{name}: {line(error).removeprefix(f'{path}: ')}")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from pipeline.data.errors import DominoError
+from pipeline.data.reading import IRREGULAR
 
 FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError, DominoError)
 """What a damaged file may make h5py, numpy and our own readers raise, depending on which byte it is."""
@@ -26,7 +27,13 @@ def seen(check: str, ok: object, problem: str) -> Finding:
 
 def line(error: BaseException) -> str:
     """The message of an error in one line of at most 200 characters."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
+    said = error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else str(error)
+    return " ".join(said.split())[:200] or type(error).__name__
+
+
+def printable(text: str) -> str:
+    """A text with the names of files in it, in which what a terminal would obey or cannot show is escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
 @dataclass
@@ -58,7 +65,8 @@ class Tally:
 
     def add(self, findings: Iterable[Finding]) -> None:
         """Count observations."""
-        for name, problem in findings:
+        for name, raw in findings:
+            problem = printable(raw)
             check = self[name]
             check.looked += 1
             if problem:

@@ -1,0 +1,47 @@
+"""Reading what a dataset directory holds, where anything may stand in place of a file and anything may stand in it."""
+
+import errno
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any, BinaryIO
+
+IRREGULAR = "is no regular file; remove it"
+"""What is said of a directory, pipe, socket or device in place of a file."""
+
+
+def check_regular(path: Path) -> None:
+    """Raise OSError for a path that is there and is no regular file, so that nothing waits for a pipe or reads a device."""
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL, IRREGULAR, str(path))
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A regular file, opened for reading bytes. Raises OSError for what is none."""
+    check_regular(path)
+    return open(path, "rb")
+
+
+def read_regular(path: Path) -> bytes:
+    """The bytes of a regular file. Raises OSError for what is none."""
+    with open_regular(path) as file:
+        return file.read()
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Plain data of a JSON text. Raises ValueError for a text that is none, is nested too deeply, or has a key twice."""
+    try:
+        return json.loads(text, object_pairs_hook=_mapping)
+    except RecursionError as error:
+        raise ValueError("is nested too deeply") from error
+
+
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values = dict(pairs)
+    if len(values) != len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"{twice[:60]!r} stands there twice")
+    return values
