@@ -229,7 +229,7 @@ def read_summary(out: Path) -> dict[str, Any]:
 def foreign_files(out: Path) -> list[Path]:
     """Files in the directory of an export that are no part of it, sorted; [] where its export.json does not name its files."""
     try:
-        names = read_summary(out).get("files")
+        names = read_summary(out).get("contents")
     except ExportError:
         return []
     return strangers(out, names) if isinstance(names, list) else []

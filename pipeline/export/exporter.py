@@ -63,7 +63,7 @@ class Exporter[O](ABC):
         summary = {"format": self.name, "options": options, **values}
         write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
         summary["bytes"] = size_of(folder)
-        summary["files"] = sorted({SUMMARY, *contents_of(folder)})
+        summary["contents"] = sorted({SUMMARY, *contents_of(folder)})
         write_json(folder / SUMMARY, summary)
         return summary
 
