@@ -30,6 +30,7 @@ from pipeline.commands.serve_policy import serve_policy
 from pipeline.commands.show import show
 from pipeline.commands.view import view
 from pipeline.data.errors import DominoError
+from pipeline.data.reading import printable
 
 VERBS = (
     *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, ladder, serve_policy),
@@ -71,11 +72,11 @@ def main() -> None:
         print(f"domino-data: {' '.join(error.format_message().split()).rstrip('.')}; see {command} --help", file=sys.stderr)
         sys.exit(2)
     except DominoError as error:
-        print(f"domino-data: {error}", file=sys.stderr)
+        print(f"domino-data: {printable(str(error))}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}", file=sys.stderr)
+        print(printable(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}"), file=sys.stderr)
         sys.exit(2)
     # the exit code of a verb that raised typer.Exit
     sys.exit(code if isinstance(code, int) else 0)

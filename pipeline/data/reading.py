@@ -45,3 +45,8 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"{twice[:60]!r} stands there twice")
     return values
+
+
+def printable(text: str) -> str:
+    """A text with the names of files in it, in which what a terminal would obey or cannot show is escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)

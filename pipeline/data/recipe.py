@@ -3,7 +3,7 @@
 import itertools
 import math
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -24,6 +24,8 @@ MOST_SLOTS = 10_000_000
 
 MOST_ITEMS = 1000
 LARGEST_FILE = 1_000_000
+LONGEST_NAME = 200
+SLOWEST = 1e-3  # m/s
 _SHOWN = 80
 
 CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
@@ -110,7 +112,7 @@ class Recipe(BaseModel):
     cameras: tuple[str | NamedCamera, ...] = MOUNTED
     """Cameras that are stored: head, left, right, observer, and cameras described in full."""
     size: tuple[_Pixels, _Pixels] | None = None
-    """Width and height of all images instead of the cameras' own; the vertical field of view stays."""
+    """[width, height] of all images (pixels) instead of the cameras' own; the vertical field of view stays."""
     pointcloud: bool = False
     """Store a point cloud of the head camera."""
     visuals: Literal["domain", "clean", "randomized"] = "domain"
@@ -141,6 +143,8 @@ class Recipe(BaseModel):
         parts = [*value.values()] if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else [value]
         if info.field_name not in _SWITCHES and any(isinstance(part, bool) for part in parts):
             raise ValueError("is true or false where a number or a name is wanted")
+        if any(isinstance(part, float) and math.isnan(part) for part in parts):
+            raise ValueError("is NaN, which is no number")
         return value
 
     @field_validator("tasks", "embodiments", "levels", "domains", "alpha", mode="before")
@@ -156,9 +160,11 @@ class Recipe(BaseModel):
             raise ValueError("is not a number")
         for item in items:
             if info.field_name == "tasks" and not is_name(item):
-                raise ValueError(f"holds {item!r}, which is not a name")
+                raise ValueError(f"holds {shown(item)}, which is not a name")
             if info.field_name == "embodiments" and not is_embodiment(item):
-                raise ValueError(f"holds {item!r}, which is neither a name nor a pair of names written left+right")
+                raise ValueError(f"holds {shown(item)}, which is neither a name nor a pair of names written left+right")
+            if isinstance(item, str) and len(item) > LONGEST_NAME:
+                raise ValueError(f"holds a name of {len(item)} characters; at most {LONGEST_NAME} are allowed")
         if len(items) > MOST_ITEMS:
             raise ValueError(f"has {len(items)} values; at most {MOST_ITEMS} are allowed")
         return tuple(dict.fromkeys(items))
@@ -166,9 +172,26 @@ class Recipe(BaseModel):
     @field_validator("alpha")
     @classmethod
     def _apart(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        """Speeds that have directories of their own."""
+        """Speeds that have directories of their own, and that are speeds."""
+        if any(0 < alpha < SLOWEST for alpha in value):
+            raise ValueError(f"holds a speed below {SLOWEST} m/s, which is no motion; level 0 is a target that stands still")
         if len({f"{alpha:g}" for alpha in value}) < len(value):
             raise ValueError("holds two speeds that are the same to six digits, which name directories")
+        return value
+
+    @field_validator("episodes", mode="before")
+    @classmethod
+    def _by_domain(cls, value: Any) -> Any:
+        """One number, or one for each domain."""
+        if isinstance(value, Mapping) and (unknown := [key for key in value if key not in ("clean", "randomized")]):
+            raise ValueError(f"names the domain {shown(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
+        return value
+
+    @field_validator("size", mode="before")
+    @classmethod
+    def _two(cls, value: Any) -> Any:
+        if value is not None and (not isinstance(value, list | tuple) or len(value) != 2):
+            raise ValueError("must be [width, height] in pixels, such as [320, 240]")
         return value
 
     @field_validator("cameras", mode="before")
@@ -264,7 +287,7 @@ def _camera(item: Any) -> str | NamedCamera:
     name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
     if name is None:
         raise ValueError(
-            f"holds {item!r}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
+            f"holds {shown(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
         )
     return name
 
@@ -284,7 +307,7 @@ def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mappi
         said = f"is not a key of a recipe; keys are {', '.join(Recipe.model_fields)}"
         if first["type"] != "extra_forbidden":
             said = plain[0].lower() + plain[1:]
-        raise RecipeError(f"{where} {said} (got {_shown(first['input'])})") from error
+        raise RecipeError(f"{where} {said} (got {shown(first['input'])})") from error
     check_size(recipe, source)
     return recipe
 
@@ -298,7 +321,7 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
         raise RecipeError(f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes, alpha or variants")
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """A value as a message shows it: short, whatever it is."""
     shown = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
     return " ".join(shown.split())[:_SHOWN]
@@ -312,6 +335,15 @@ class _Loader(yaml.SafeLoader):
         if twice := next((k for k in keys if keys.count(k) > 1), None):
             raise yaml.constructor.ConstructorError(problem=f"{twice[:_SHOWN]!r} stands there twice", problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
+
+
+def _number(construct: Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]) -> Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]:
+    """A number of YAML 1.1, in which 1:30 would be 90 (base 60); here it is a text."""
+    return lambda loader, node: node.value if ":" in node.value else construct(loader, node)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _number(yaml.SafeLoader.construct_yaml_int))
+_Loader.add_constructor("tag:yaml.org,2002:float", _number(yaml.SafeLoader.construct_yaml_float))
 
 
 def read_recipe(path: Path) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from pipeline.data.names import exported_names
 from pipeline.data.reading import parse_json, read_regular
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import StateLog
+from pipeline.export.contents import strangers
 
 SUMMARY = "export.json"
 OWN = ("episodes", "ledger", "assets", "annotations", "report")
@@ -225,6 +226,15 @@ def read_summary(out: Path) -> dict[str, Any]:
         raise ExportError(f"{out}: has no readable {SUMMARY} ({error})") from error
 
 
+def foreign_files(out: Path) -> list[Path]:
+    """Files in the directory of an export that are no part of it, sorted; [] where its export.json does not name its files."""
+    try:
+        names = read_summary(out).get("contents")
+    except ExportError:
+        return []
+    return strangers(out, names) if isinstance(names, list) else []
+
+
 def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
     """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
     for key in keys:
@@ -249,8 +259,8 @@ def size_of(directory: Path) -> int:
 def staged(out: Path, dataset: Path) -> Iterator[Path]:
     """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
 
-    An existing export at `out` is replaced only then. Raises ExportError where `out` is something else than an export, contains
-    the dataset or lies among its own files, or the disk refuses.
+    An existing export at `out` is replaced only then. Raises ExportError where `out` is something else than an export, or holds
+    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses.
     """
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     if out.exists() and not out.is_dir():
@@ -262,6 +272,8 @@ def staged(out: Path, dataset: Path) -> Iterator[Path]:
         raise ExportError(f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports, or elsewhere")
     if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
         raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
+    if foreign := foreign_files(out):
+        raise ExportError(f"{foreign[0]}: is no part of the export that stands there; move it away or name another directory")
     try:
         sweep(out.parent, f".{out.name}.*.tmp")
         with atomic_directory(out) as temporary:

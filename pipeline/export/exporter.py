@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from pipeline.export.card import write_card
 from pipeline.export.common import SUMMARY, ExportError, Progress, read_summary, size_of, write_json
+from pipeline.export.contents import contents_of
 from pipeline.export.options import NoOptions
 from pipeline.registry import Registry
 
@@ -57,11 +58,12 @@ class Exporter[O](ABC):
         """
 
     def summarize(self, folder: Path, job: Job[O], values: dict[str, Any]) -> dict[str, Any]:
-        """Write the card and export.json: format, options, `values` and the bytes of all files. Returns what export.json says."""
+        """Write the card and export.json: format, options, `values`, bytes and names of all files. Returns the latter."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
         summary = {"format": self.name, "options": options, **values}
         write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
         summary["bytes"] = size_of(folder)
+        summary["contents"] = sorted({SUMMARY, *contents_of(folder)})
         write_json(folder / SUMMARY, summary)
         return summary
 

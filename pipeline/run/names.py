@@ -3,9 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.data.recipe import Recipe, RecipeError, check_size, parse_recipe
+import numpy as np
+
+from pipeline.data.meta import NamedCamera
+from pipeline.data.names import SIDES
+from pipeline.data.recipe import Recipe, RecipeError, check_size, parse_recipe, shown
 from pipeline.tasks import TASKS
+from pipeline.tasks.contract import Draw
 from pipeline.world.robots import UnknownEmbodiment, canonical_name, get_embodiment
+
+LAYOUTS = 8
+"""Layouts of a task that are drawn to learn the names of its bodies."""
 
 
 def resolve(recipe: Recipe, source: str = "recipe") -> Recipe:
@@ -16,7 +24,7 @@ def resolve(recipe: Recipe, source: str = "recipe") -> Recipe:
     tasks = recipe.tasks if recipe.tasks and recipe.tasks != ("all",) else tuple(sorted(TASKS))
     for task in tasks:
         if task not in TASKS:
-            raise RecipeError(f"{source}: no task {task!r}; `domino-data tasks` lists them: {', '.join(sorted(TASKS))}")
+            raise RecipeError(f"{source}: no task {shown(task)}; `domino-data tasks` lists them: {', '.join(sorted(TASKS))}")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
         meshes = {canonical_name(name): key for name, key in recipe.robot_meshes.items()}
@@ -24,8 +32,34 @@ def resolve(recipe: Recipe, source: str = "recipe") -> Recipe:
         raise RecipeError(f"{source}: {error}") from error
     recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
     check_size(recipe, source)
+    _check_links(recipe, source)
     used = {name: meshes[name] for name in recipe.robots() if name in meshes}
     return recipe.model_copy(update={"robot_meshes": used})
+
+
+def _check_links(recipe: Recipe, source: str) -> None:
+    """Raise RecipeError for a camera on a link that a robot does not have and that is no body of every task."""
+    for camera in recipe.cameras:
+        if not isinstance(camera, NamedCamera) or camera.link in (None, "table"):
+            continue
+        lacking: list[list[str]] = []
+        for name in recipe.embodiments:
+            arms = get_embodiment(name).arms
+            links = [f"{side}_{link.name}" for side in SIDES for link in arms[side].links]
+            if camera.link not in links:
+                lacking.append(links)
+        if lacking and not all(camera.link in _bodies(task) for task in recipe.tasks):
+            links = ", ".join(lacking[0])
+            raise RecipeError(f"{source}: cameras: {camera.name} is on {shown(camera.link)}; a robot's links are {links}")
+
+
+def _bodies(task: str) -> set[str]:
+    """Names of the bodies in a few layouts of a task."""
+    found = set[str]()
+    for seed in range(LAYOUTS):
+        draw = Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
+        found.update(placement.name for placement in TASKS[task].layout(draw))
+    return found
 
 
 def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:

@@ -197,7 +197,9 @@ def test_a_ledger_entry_holds_only_what_the_table_of_attempts_can(change, said):
         SlotRecord.from_json(text)
 
 
-@pytest.mark.parametrize(("text", "said"), [('{"a": 1, "a": 2}', "twice"), ("[" * 20_000 + "]" * 20_000, "deeply"), ("{", "property name")])
+@pytest.mark.parametrize(
+    ("text", "said"), [('{"a": 1, "a": 2}', "twice"), ("[" * 20_000 + "]" * 20_000, "deeply"), ("{", "property name")]
+)
 def test_json_that_is_refused(text, said):
     with pytest.raises(ValueError, match=said):
         parse_json(text)

@@ -23,6 +23,7 @@ from pipeline.export.common import (
     by_embodiment,
     choose_instruction,
     event_frames,
+    foreign_files,
     ordered,
     read_facts,
     reading,
@@ -263,3 +264,15 @@ def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
         with pytest.raises(ExportError, match="among the dataset's own files"):
             run("parquet", tmp_path / "data", tmp_path / "data" / place, episodes_of(tmp_path / "data"))
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]
+
+
+def test_a_file_of_somebody_else_in_an_export_is_named_and_kept(dataset, tmp_path):
+    out = tmp_path / "parquet"
+    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    assert foreign_files(out) == []
+    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    (out / "notes.txt").write_text("mine")
+    assert foreign_files(out) == [out / "notes.txt"]
+    with pytest.raises(ExportError, match=r"notes\.txt: is no part of the export"):
+        run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    assert (out / "notes.txt").read_text() == "mine"

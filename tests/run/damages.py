@@ -164,6 +164,7 @@ LEDGER = (
 STRAYS = (
     Kind(EPISODE.replace("0.hdf5", "9.hdf5"), "an episode too many", copied("9.hdf5", "0.hdf5"), "strays", USER),
     Kind("episodes/notes.txt", "a text", text("mine"), "strays", USER),
+    Kind("episodes/notes\x1b[2J\n.txt", "a name that a terminal would obey", text("mine"), "strays", USER),
     Kind("ledger/notes.json", "a text", text("{}"), "strays", USER),
     Kind("assets/bodies/notes.txt", "a text", text("mine"), "strays", USER),
 )
@@ -223,6 +224,7 @@ EXPORTS = (
         for format in ("parquet", "aloha", "robotwin", "lerobot", "lerobot-v2.1")
         for what, damage in (("missing", gone), ("no JSON", text("{")), ("another format", entry(format="gif")))
     ),
+    Kind("exports/parquet/notes.txt", "a text", text("mine"), "strays", USER),
     export("parquet", "data-00000.parquet", "missing", gone),
     export("parquet", "data-00000.parquet", "cut to 50 % of its length", cut(0.5)),
     export("parquet", "data-00000.parquet", "another number", column("timestamp", 9.0)),

@@ -12,6 +12,7 @@ import pytest
 from filelock import FileLock
 
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.reading import printable
 from pipeline.run.annotate import annotate
 from pipeline.run.build import build
 from pipeline.run.names import recipe_from
@@ -19,7 +20,7 @@ from pipeline.run.pool import Pool
 from pipeline.run.state import DONE, read_states
 from pipeline.run.verify import verify
 from tests.export.test_common import run as export
-from tests.run.damage import ANNOTATE, BUILD, EPISODE, OTHER, Kind, cut, directory, flip, gone, swap, text
+from tests.run.damage import ANNOTATE, BUILD, ENTRY, EPISODE, OTHER, Kind, cut, directory, flip, gone, swap, text
 from tests.run.damages import FLOW, KINDS
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "corruption.md"
@@ -83,7 +84,7 @@ def blame(kind: Kind, path: Path, dataset: Path) -> str:
     if kind.file.startswith("exports"):
         return f"exports/{kind.file.split('/')[1]}"
     told = kind.file.startswith(("episodes", "annotations", "assets")) and "exchanged" not in kind.what
-    return path.relative_to(dataset).as_posix() if told else ""
+    return printable(path.relative_to(dataset).as_posix()) if told else ""
 
 
 def failures(dataset: Path) -> dict[str, list[str]]:
@@ -148,6 +149,21 @@ def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
         assert all((dataset / p).read_bytes() == (whole / p).read_bytes() for p in files)
 
 
+@pytest.mark.parametrize(
+    ("damage", "failing"),
+    [
+        (lambda dataset: shutil.rmtree(dataset / "ledger"), {"files", "attempts"}),
+        (lambda dataset: (dataset / ENTRY).unlink(), {"files", "attempts"}),
+        (lambda dataset: (dataset / EPISODE).unlink(), {"files"}),
+        (lambda dataset: next(dataset.glob("annotations/*/stage.json")).write_text("{"), {"annotations"}),
+    ],
+)
+def test_what_depends_on_a_damaged_file_is_not_blamed(damage, failing, whole, tmp_path):
+    dataset = Path(shutil.copytree(whole, tmp_path / "out"))
+    damage(dataset)
+    assert {name.split()[0] for name in failures(dataset)} <= failing
+
+
 def test_an_unfinished_dataset_is_no_damaged_one(whole, tmp_path):
     dataset = Path(shutil.copytree(whole, tmp_path / "out", ignore=shutil.ignore_patterns("exports", "annotations")))
     for file in (OTHER, OTHER.replace("episodes", "ledger").replace("hdf5", "json"), "attempts.parquet"):
@@ -181,10 +197,9 @@ page.
 def document() -> str:
     """The page that shows the matrix."""
     lines = [PAGE.format(count=len(KINDS)).removesuffix("\n")]
-    lines += [
-        f"| `{k.file.replace('ASSET', 'HASH').replace('STAGE', 'KEY')}` | {k.what} | {k.check.replace('STAGE', 'KEY')} | {k.by} |"
-        for k in KINDS
-    ]
+    for k in KINDS:
+        file, check = printable(k.file).replace("ASSET", "HASH").replace("STAGE", "KEY"), k.check.replace("STAGE", "KEY")
+        lines.append(f"| `{file}` | {k.what} | {check} | {k.by} |")
     return "\n".join(lines) + "\n"
 
 

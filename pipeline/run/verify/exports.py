@@ -6,7 +6,7 @@ from pathlib import Path
 from pipeline.data.dataset import Dataset
 from pipeline.data.reading import IRREGULAR
 from pipeline.export import EXPORTERS
-from pipeline.export.common import ExportError, read_summary
+from pipeline.export.common import ExportError, foreign_files, read_summary
 from pipeline.run.verify.tally import FAULTS, Finding, line
 
 EXPORT_AGAIN = "export again"
@@ -30,6 +30,8 @@ def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Ite
     if irregular := [p for p in sorted(place.rglob("*")) if not p.is_file() and not p.is_dir()]:
         yield Finding(check, f"{irregular[0].relative_to(dataset.root)}: {IRREGULAR} and {EXPORT_AGAIN}")
         return
+    for path in foreign_files(place):
+        yield Finding("strays", f"{path.relative_to(dataset.root)}: is no part of the export; move it away")
     try:
         problems = exporter.check(dataset.root, place, sorted(episodes))
     except (ExportError, *FAULTS) as error:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from pipeline.data.errors import DominoError
-from pipeline.data.reading import IRREGULAR
+from pipeline.data.reading import IRREGULAR, printable
 
 FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError, DominoError)
 """What a damaged file may make h5py, numpy and our own readers raise, depending on which byte it is."""
@@ -29,11 +29,6 @@ def line(error: BaseException) -> str:
     """The message of an error in one line of at most 200 characters."""
     said = error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else str(error)
     return " ".join(said.split())[:200] or type(error).__name__
-
-
-def printable(text: str) -> str:
-    """A text with the names of files in it, in which what a terminal would obey or cannot show is escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
 @dataclass
