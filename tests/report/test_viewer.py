@@ -126,7 +126,10 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
             # the middle of the wrist image, away from its square, is as in the episode
             x, y = 300, 220
             wanted = e.rgb("left_camera", 0)[y, x].astype(int)
-        got = page.run(f"[...at('canvas-left_camera').getContext('2d').getImageData({x}, {y}, 1, 1).data].slice(0, 3)")
+        pixel = f"[...at('canvas-left_camera').getContext('2d').getImageData({x}, {y}, 1, 1).data].slice(0, 3)"
+        # images are drawn when they are decoded
+        page.wait(f"{pixel}.some(value => value > 0)")
+        got = page.run(pixel)
         assert np.abs(np.array(got) - wanted).max() < 12
         seen = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
         assert seen.shape[1] == 1300 and seen.std() > 10
