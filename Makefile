@@ -34,8 +34,8 @@ puma: setup  ## make a dataset of one task, train a small policy on it, evaluate
 test: setup  ## run the tests
 	$(VENV)/pytest
 
-readme: setup  ## run every command of README.md as written (10 minutes)
-	$(VENV)/pytest -n 0 -m slow tests/test_docs_followed.py
+readme: setup  ## run every command of README.md and of the pages that add something, as written (10 minutes)
+	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py
 
 lint: setup  ## check style, types and which room imports which
 	$(VENV)/ruff check

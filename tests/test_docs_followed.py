@@ -15,6 +15,8 @@ from tests.run.command import ROOT, build
 from tests.run.processes import wait_for
 from tests.world.robots.test_vendor_meshes import vendor_package
 
+pytestmark = pytest.mark.slow
+
 BLOCK = re.compile(r"^(?P<before>(?:[^\n]+\n)*)\n?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"[Ss]aved as\s+`([\w/.]+)`")
 
@@ -109,7 +111,6 @@ def test_the_page_on_recipes(checkout):
     assert len(list((checkout / "out/bells/episodes").rglob("*.hdf5"))) == 2
 
 
-@pytest.mark.slow
 def test_the_readme(checkout):
     lines = shell_lines(ROOT / "README.md")
     assert lines[:2] == ["make build", "make test"]
