@@ -4,8 +4,9 @@ import errno
 import json
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 IRREGULAR = "is no regular file; remove it"
 """What is said of a directory, pipe, socket or device in place of a file."""
@@ -18,7 +19,7 @@ def check_regular(path: Path) -> None:
         raise OSError(errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL, IRREGULAR, str(path))
 
 
-def open_regular(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> BufferedReader:
     """A regular file, opened for reading bytes. Raises OSError for what is none."""
     check_regular(path)
     return open(path, "rb")
