@@ -14,13 +14,18 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.grasping import near_one
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.back_calculate import back_calculate
-from pipeline.stages.dry_run import DryRun, dry_run
+from pipeline.stages.dry_run import DryRun, Variation, dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Replay, replay
 from pipeline.stages.scene import Scene, build_scene
 
 GRASPS = 3
 """Directions from which the target is grasped at most, one after another, until its motion fits."""
+
+
+PAUSES = (0.7, 1.4)
+"""Seconds (s) for which a robot that meets the target with something else than a grasp waits before its last move, one after the
+other, until the motion fits: what it took from the middle of the table is out of the target's way by then."""
 
 
 class Phases:
@@ -56,22 +61,31 @@ class Rollout:
 
 
 def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
-    """Dry runs in which the target is grasped from one side after another, as long as there is another. Raises Failure."""
+    """Dry runs in which the target is grasped from one side after another, as long as there is another, or, where something else
+    than a grasp meets it, the last move comes later and later. Raises Failure."""
+    with phases("dry_run"):
+        first = dry = dry_run(scene, fps)
+    yield dry
+    if first.approach is None:
+        for pause in PAUSES:
+            with phases("dry_run"):
+                dry = dry_run(scene, fps, Variation(pause=pause, before=first.skills - 1))
+            yield dry
+        return
     avoid = list[NDArray[np.float64]]()
-    for _ in range(GRASPS):
-        with phases("dry_run"):
-            dry = dry_run(scene, fps, avoid)
-        yield dry
-        if dry.approach is None or near_one(dry.approach[None], avoid)[0]:
-            return
+    while dry.approach is not None and len(avoid) + 1 < GRASPS and not near_one(dry.approach[None], avoid)[0]:
         avoid.append(dry.approach)
+        with phases("dry_run"):
+            dry = dry_run(scene, fps, Variation(avoid))
+        yield dry
 
 
 def _with_motion(scene: Scene, recipe: Recipe, phases: Phases) -> tuple[DryRun, TargetMotion, int]:
     """A dry run, a motion of the target that fits it, and the physics steps of all dry runs.
 
     Where the drawn motion fits in no direction, the target is grasped from another side: a hand that comes in level bars every path
-    that leads to the target from its own side. Raises Failure, that of the first grasp where no other helps.
+    that leads to the target from its own side. Or the robot waits before its last move: what it takes from the middle of the table
+    bars the way across until then. Raises Failure, that of the first dry run where no other helps.
     """
     steps, refused = 0, list[Failure]()
     try:

@@ -14,11 +14,24 @@ from pipeline.tasks.outcome import failed
 STAGE = "dry_run"
 
 
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """How a dry run differs from the first: the target is grasped from other directions (3,) than those of `avoid` where it can be,
+    and the robot waits `pause` s before skill number `before` of `meet`."""
+
+    avoid: Sequence[NDArray[np.float64]] = ()
+    pause: float = 0.0
+    before: int = 0
+
+
+FIRST = Variation()
+
+
 @dataclass(eq=False)
 class DryRun:
     """What the replay needs: the commands of the first half (M,A), when the meeting happened (s), what was in which hand then,
     and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`. `approach` is the direction
-    (3,) from which the hand went in to grasp the target, None where the meeting is no grasp."""
+    (3,) from which the hand went in to grasp the target, None where the meeting is no grasp; `skills` counts those of `meet`."""
 
     commands: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -28,12 +41,11 @@ class DryRun:
     names: tuple[str, ...]
     steps: int
     approach: NDArray[np.float64] | None
+    skills: int = 0
 
 
-def dry_run(scene: Scene, fps: int, avoid: Sequence[NDArray[np.float64]] = ()) -> DryRun:
+def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
     """Plan and run the whole script in the still scene; accept it only if the task succeeds there.
-
-    The target is grasped from other directions (3,) than those of `avoid` where it can be.
 
     Raises Failure: a planning reason, early_meeting (the target was touched before the last skill of `meet`), no_meeting, or
     no_success.
@@ -41,10 +53,12 @@ def dry_run(scene: Scene, fps: int, avoid: Sequence[NDArray[np.float64]] = ()) -
     task = scene.task
     end = scene.bodies[task.target].pose
     actor = scene.start(TargetMotion.still(end, 1.0), fps, STAGE)
-    actor.sweeping, actor.avoid[task.target] = True, list(avoid)
+    actor.sweeping, actor.avoid[task.target] = True, list(variation.avoid)
     with failing_as(STAGE, actor):
-        last_began = 0.0
-        for skill in task.meet(actor):
+        last_began, skills = 0.0, 0
+        for skills, skill in enumerate(task.meet(actor), 1):
+            if skills - 1 == variation.before:
+                actor.wait(variation.pause)
             last_began = actor.simulation.time
             if actor.simulation.touched_by:
                 raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
@@ -64,4 +78,4 @@ def dry_run(scene: Scene, fps: int, avoid: Sequence[NDArray[np.float64]] = ()) -
         if conditions := failed(scene.conditions(actor.recorder.log())):
             raise no_success(STAGE, conditions)
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps, approach)
+    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps, approach, skills)

@@ -7,7 +7,7 @@ from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages import attempt as module
 from pipeline.stages.attempt import Phases, attempt
-from pipeline.stages.dry_run import dry_run
+from pipeline.stages.dry_run import FIRST, Variation, dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 
@@ -34,10 +34,33 @@ def test_an_avoided_approach_is_not_taken_again():
     scene = build_scene(BLOCKED)
     first = dry_run(scene, 15)
     assert first.approach is not None
-    second = dry_run(scene, 15, [first.approach])
+    second = dry_run(scene, 15, Variation([first.approach]))
     assert second.approach is not None
     assert np.linalg.norm(second.approach) == pytest.approx(1.0)
     assert np.arccos(first.approach @ second.approach) > 0.7
+
+
+CROSSING = EpisodeSpec("beat_block_hammer", "aloha-agilex", 1, 0.1, "clean", 1, 4, 8409852660330008463)
+"""A block that has to come across the place of the hammer which is to strike it."""
+
+
+def test_a_robot_waits_until_what_it_takes_is_out_of_the_way(monkeypatch):
+    with monkeypatch.context() as at_once:
+        at_once.setattr(module, "PAUSES", ())
+        with pytest.raises(Failure, match="no_motion") as refused:
+            attempt(CROSSING, RECIPE, Phases())
+    done = attempt(CROSSING, RECIPE, Phases())
+    assert done.scene.succeeded(done.replay.log)
+    drawn = refused.value.drawn
+    assert drawn is not None and done.motion.features().average_speed == pytest.approx(drawn.average_speed)
+
+
+def test_a_pause_delays_the_meeting_and_nothing_else():
+    scene = build_scene(CROSSING)
+    first = dry_run(scene, 15)
+    later = dry_run(scene, 15, Variation(pause=0.7, before=first.skills - 1))
+    assert first.approach is None and first.skills == 3
+    assert later.meeting - first.meeting == pytest.approx(0.7, abs=0.02)
 
 
 def test_a_meeting_without_a_grasp_has_no_approach_to_avoid(monkeypatch):
@@ -46,12 +69,12 @@ def test_a_meeting_without_a_grasp_has_no_approach_to_avoid(monkeypatch):
     def refused(*_, **__):
         raise Failure("back_calculate", "no_motion")
 
-    def counted(scene, fps, avoid):
-        runs.append(list(avoid))
-        return dry_run(scene, fps, avoid)
+    def counted(scene, fps, variation=FIRST):
+        runs.append(variation.pause)
+        return dry_run(scene, fps, variation)
 
     monkeypatch.setattr(module, "back_calculate", refused)
     monkeypatch.setattr(module, "dry_run", counted)
     with pytest.raises(Failure, match="no_motion"):
         attempt(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 1), RECIPE, Phases())
-    assert runs == [[]]
+    assert runs == [0.0, *module.PAUSES]
