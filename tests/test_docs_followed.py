@@ -125,7 +125,7 @@ def test_the_readme(checkout):
     assert len(stopped) == 2
     assert len(list((checkout / "out/smoke/episodes").rglob("*.hdf5"))) >= 30
     assert (checkout / "out/smoke/exports/lerobot/meta/info.json").exists()
-    assert (checkout / "out/evaluated/results.parquet").exists()
+    assert (checkout / "out/evaluated/episodes.jsonl").exists()
 
 
 def stop_after_an_episode(line: str, tree: Path) -> None:
