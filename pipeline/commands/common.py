@@ -11,7 +11,8 @@ import typer
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
-from pipeline.data.recipe import Recipe, read_recipe
+from pipeline.data.recipe import Recipe
+from pipeline.data.recipe_file import read_recipe
 from pipeline.run.names import recipe_from
 from pipeline.run.pool import EXECUTORS, Pool, pick_executor
 

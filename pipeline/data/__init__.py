@@ -11,7 +11,8 @@ for path in dataset.accepted(dataset.recipe()):
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import Episode, EpisodeError, EpisodeFile, open_episode
 from pipeline.data.errors import DominoError
-from pipeline.data.recipe import Cell, Recipe, RecipeError, Slot, parse_recipe, read_recipe
+from pipeline.data.recipe import Cell, Recipe, RecipeError, Slot, parse_recipe
+from pipeline.data.recipe_file import read_recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import Event, StateLog
 

@@ -15,7 +15,8 @@ from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
 from pipeline.data.reading import check_regular, parse_json, read_regular
-from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe, read_recipe
+from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
+from pipeline.data.recipe_file import read_recipe
 
 CHANGED = "bytes differ from the ledger's sha256; the build command of this dataset, run again, makes it anew"
 """What is said of an episode file that is not the one that was written."""

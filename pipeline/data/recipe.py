@@ -3,9 +3,8 @@
 import itertools
 import math
 import reprlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
@@ -23,10 +22,9 @@ MOST_SLOTS = 10_000_000
 """Episodes of one dataset: its ledger has a file for each."""
 
 MOST_ITEMS = 1000
-LARGEST_FILE = 1_000_000
 LONGEST_NAME = 200
 SLOWEST = 1e-3  # m/s
-_SHOWN = 80
+SHOWN = 80
 
 CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
@@ -281,7 +279,7 @@ def _camera(item: Any) -> str | NamedCamera:
         try:
             return NamedCamera.model_validate(dict(item))
         except ValidationError as error:
-            wrong = {str(e["loc"][0])[:_SHOWN]: e["msg"].removeprefix("Value error, ").lower() for e in error.errors()}
+            wrong = {str(e["loc"][0])[:SHOWN]: e["msg"].removeprefix("Value error, ").lower() for e in error.errors()}
             said = ", ".join(f"{key} ({message})" for key, message in wrong.items())
             raise ValueError(f"describes a camera in which these are wrong: {said}") from error
     name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
@@ -301,7 +299,7 @@ def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mappi
         recipe = Recipe.model_validate(dict(values))
     except ValidationError as error:
         first = error.errors()[0]
-        key = str(first["loc"][0])[:_SHOWN] if first["loc"] else ""
+        key = str(first["loc"][0])[:SHOWN] if first["loc"] else ""
         where = (flags or {}).get(key) or f"{source}: {key}"
         plain = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
         said = f"is not a key of a recipe; keys are {', '.join(Recipe.model_fields)}"
@@ -324,48 +322,4 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
 def shown(value: Any) -> str:
     """A value as a message shows it: short, whatever it is."""
     shown = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
-    return " ".join(shown.split())[:_SHOWN]
-
-
-class _Loader(yaml.SafeLoader):
-    """Plain YAML in which no mapping has a key twice."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [k.value for k, _ in node.value if isinstance(k, yaml.ScalarNode)]
-        if twice := next((k for k in keys if keys.count(k) > 1), None):
-            raise yaml.constructor.ConstructorError(problem=f"{twice[:_SHOWN]!r} stands there twice", problem_mark=node.start_mark)
-        return super().construct_mapping(node, deep)
-
-
-def _number(construct: Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]) -> Callable[[yaml.SafeLoader, yaml.ScalarNode], Any]:
-    """A number of YAML 1.1, in which 1:30 would be 90 (base 60); here it is a text."""
-    return lambda loader, node: node.value if ":" in node.value else construct(loader, node)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _number(yaml.SafeLoader.construct_yaml_int))
-_Loader.add_constructor("tag:yaml.org,2002:float", _number(yaml.SafeLoader.construct_yaml_float))
-
-
-def read_recipe(path: Path) -> dict[str, Any]:
-    """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a YAML mapping of texts."""
-    try:
-        with open(path, "rb") as file:
-            data = file.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise RecipeError(f"{path}: has more than {LARGEST_FILE} bytes; a recipe is a short YAML file")
-        values = yaml.load(data.decode(), _Loader)
-    except RecursionError as error:
-        raise RecipeError(f"{path}: is nested too deeply for a recipe; write plain keys and lists") from error
-    except OSError as error:
-        raise RecipeError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise RecipeError(f"{path}: is not text ({error.reason})") from error
-    except yaml.YAMLError as error:
-        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise RecipeError(f"{path}: is not YAML ({line}{problem})") from error
-    except ValueError as error:
-        raise RecipeError(f"{path}: holds a value that cannot be read ({' '.join(str(error).split())[:_SHOWN]})") from error
-    if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
-        raise RecipeError(f"{path}: is not a mapping of recipe keys, like `levels: [1, 2]`")
-    return values
+    return " ".join(shown.split())[:SHOWN]

@@ -5,7 +5,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.data.recipe import DEFAULT_ALPHA, Cell, Recipe, RecipeError, Slot, read_recipe
+from pipeline.data.recipe import DEFAULT_ALPHA, Cell, Recipe, RecipeError, Slot
+from pipeline.data.recipe_file import read_recipe
 from pipeline.run.names import recipe_from
 from pipeline.tasks import TASKS
 

@@ -64,13 +64,9 @@ def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: flo
     """Move the tcp straight up without turning it, by less (the share `least` at least) where the arm cannot go higher."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
-        arm, start = a.arm_planner(side), a.tcp(side)
-        for share in (s for s in MOVE.lift_shares if s >= least):
-            path = arm.line(arm.q, lifted(start, height * share))
-            if path is not None:
-                yield {side: arm.timed(path, minimum=abs(height) * share / speed)}
-                return
-        raise PlanFailure("line_unreachable", f"the {side} arm cannot lift by {height} m")
+        arm = a.arm_planner(side)
+        line, share = next(_lifts(arm, a.tcp(side), height, least))
+        yield {side: arm.timed(line, minimum=abs(height) * share / speed)}
 
     return act
 
@@ -79,16 +75,28 @@ def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill
     """As `lift`, up to where the arm and what it holds still touch nothing, so that a free motion can begin there."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
-        arm, start = a.arm_planner(side), a.tcp(side)
-        lines = [(arm.line(arm.q, lifted(start, height * share)), share) for share in MOVE.lift_shares]
-        there = [(line, share) for line, share in lines if line is not None]
-        if not there:
-            raise PlanFailure("line_unreachable", f"the {side} arm cannot lift by {height} m")
-        free = arm.checker()
-        line, share = next(((line, share) for line, share in there if free(line[-1])), there[0])
-        yield {side: arm.timed(line, minimum=height * share / speed)}
+        arm = a.arm_planner(side)
+        free, start = arm.checker(), a.tcp(side)
+        clear = ((line, share) for line, share in _lifts(arm, start, height) if free(line[-1]))
+        line, share = next(clear, None) or next(_lifts(arm, start, height))
+        yield {side: arm.timed(line, minimum=abs(height) * share / speed)}
 
     return act
+
+
+def _lifts(arm: ArmPlanner, start: Pose, height: float, least: float = 0.0) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Straight ways up from the tcp pose `start`: joints (K,n) and the share of the height, highest first.
+
+    Raises PlanFailure("line_unreachable") where there is none.
+    """
+    found = False
+    for share in (s for s in MOVE.lift_shares if s >= least):
+        line = arm.line(arm.q, lifted(start, height * share))
+        if line is not None:
+            found = True
+            yield line, share
+    if not found:
+        raise PlanFailure("line_unreachable", f"the {arm.side} arm cannot lift by {height} m")
 
 
 def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
