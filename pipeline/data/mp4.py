@@ -6,7 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-CRF, PRESET = "27", "veryfast"
+OPTIONS = {"crf": "27", "preset": "veryfast", "threads": "1", "x264-params": "aq-mode=0:mbtree=0"}
+"""One thread, and no quantisation that follows x264's look-ahead: with either, the same frames give other bytes now and then."""
 
 
 def encode_mp4(frames: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
@@ -20,8 +21,7 @@ def encode_mp4(frames: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
     with av.open(buffer, "w", format="mp4") as container:
         for rgb in frames:
             if stream is None:
-                # one thread, so that the same frames give the same bytes
-                stream = container.add_stream("h264", fps, options={"crf": CRF, "preset": PRESET, "threads": "1"})
+                stream = container.add_stream("h264", fps, options=OPTIONS)
                 stream.height, stream.width, stream.pix_fmt, stream.thread_count = *rgb.shape[:2], "yuv420p", 1
             container.mux(stream.encode(av.VideoFrame.from_ndarray(rgb, format="rgb24")))
         if stream is not None:
