@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, lift, press
+from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.limits import Limit, by_name
@@ -38,6 +38,7 @@ class PressStapler(Task):
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.06)
+        yield home(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         return o.press(arms["arm"], "stapler", "press", self.under(o.rules))
