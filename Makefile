@@ -35,7 +35,7 @@ test: setup  ## run the tests
 	$(VENV)/pytest
 
 readme: setup  ## run every command of README.md and of the pages that add something, as written (10 minutes)
-	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py
+	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py tests/training/puma/test_parallel.py
 
 lint: setup  ## check style, types and which room imports which
 	$(VENV)/ruff check

@@ -9,7 +9,7 @@ README.md               the model card
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from pipeline.data.keys import digest, file_hash
 from training.puma.config import Config, parse_config
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes, build_model
+from training.puma.parallel import like, whole
 from training.puma.preprocess import Preprocessing
 
 SCHEMA = 1
@@ -70,11 +71,37 @@ class Standing:
     card: str
 
 
-def save(folder: Path, network: Puma, optimizer: torch.optim.Optimizer, preprocessing: Preprocessing, standing: Standing) -> None:
+@dataclass(eq=False)
+class Tensors:
+    """Weights by name; state of the optimiser by `name|key`, and the generator of torch."""
+
+    weights: dict[str, Tensor]
+    optimizer: dict[str, Tensor]
+
+
+def tensors_of(network: nn.Module, optimizer: torch.optim.Optimizer, keep: bool = True) -> Tensors:
+    """What a checkpoint holds, gathered where it is in shares: every process calls it, and one of them keeps what it gets."""
+    weights = _gathered(network.state_dict().items(), keep)
+    state: Mapping[Any, dict[str, Tensor]] = optimizer.state
+    named = ((f"{name}|{key}", v) for name, weight in network.named_parameters() for key, v in state.get(weight, {}).items())
+    return Tensors(weights, {"generator": torch.get_rng_state(), **_gathered(named, keep)})
+
+
+def _gathered(tensors: Iterable[tuple[str, Tensor]], keep: bool) -> dict[str, Tensor]:
+    """Tensors by name, whole and on the processor; one after the other, so that no card holds them all."""
+    out = dict[str, Tensor]()
+    for name, value in tensors:
+        found = whole(value)
+        if keep:
+            out[name] = found.cpu().contiguous()
+    return out
+
+
+def save(folder: Path, network: Puma, tensors: Tensors, preprocessing: Preprocessing, standing: Standing) -> None:
     """Write a checkpoint. Raises OSError where the disk refuses; nothing half-written is left."""
     with atomic_directory(folder) as part:
-        save_file({name: value.contiguous() for name, value in network.state_dict().items()}, part / "model.safetensors")
-        save_file(_optimizer_state(network, optimizer), part / "optimizer.safetensors")
+        save_file(tensors.weights, part / "model.safetensors")
+        save_file(tensors.optimizer, part / "optimizer.safetensors")
         text = json.dumps(preprocessing.to_dict(), indent=1)
         (part / "preprocessing.json").write_text(text + "\n")
         (part / "config.yaml").write_text(network.config.to_yaml())
@@ -164,15 +191,6 @@ def load_optimizer(network: nn.Module, optimizer: torch.optim.Optimizer, folder:
         for name, weight in network.named_parameters():
             parts = {key: held[f"{name}|{key}"] for key in ("step", "exp_avg", "exp_avg_sq") if f"{name}|{key}" in held}
             if parts:
-                optimizer.state[weight] = {k: v if k == "step" else v.to(weight.device) for k, v in parts.items()}
+                optimizer.state[weight] = {k: v if k == "step" else like(v, weight) for k, v in parts.items()}
     except (OSError, SafetensorError, KeyError) as error:
         raise TrainError(f"{folder}: the optimiser's state cannot be loaded ({' '.join(str(error).split())[:200]})") from error
-
-
-def _optimizer_state(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    out = {"generator": torch.get_rng_state()}
-    state: Mapping[Any, dict[str, Tensor]] = optimizer.state
-    for name, weight in network.named_parameters():
-        for key, value in state.get(weight, {}).items():
-            out[f"{name}|{key}"] = value.contiguous()
-    return out

@@ -147,6 +147,9 @@ class Train(_Part):
     shift: Annotated[int, Field(ge=0, le=32)] = 0
     """Images of a sample are moved by up to so many px, all by the same."""
     precision: Literal["no", "bf16"] = "bf16"
+    """Of the arithmetic; weights that are trained are float32: a step of 1e-5 is lost in bf16."""
+    parallel: Literal["ddp", "zero2", "fsdp"] = "ddp"
+    """Over several processes (`accelerate launch`): copies of everything, gradients and optimiser in shares, or weights, too."""
     checkpointing: bool = True
     """Keep no activations of the backbone; compute them again in the backward pass."""
     save_every: Annotated[int, Field(ge=1)] = 5000

@@ -22,6 +22,7 @@ from training.puma.errors import TrainError
 from training.puma.flops import peak_flops, step_flops
 from training.puma.loader import Batch, Loader, Share, validation_batches
 from training.puma.model.puma import Puma, Sizes, build_model
+from training.puma.parallel import in_shares, prepared, share_out, whole
 
 LOG = "log.jsonl"
 
@@ -56,7 +57,10 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     """
     accelerator = Accelerator(mixed_precision=config.train.precision, cpu=not torch.cuda.is_available())
     if accelerator.distributed_type not in (DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU):
-        raise TrainError(f"accelerate is configured for {accelerator.distributed_type.value}: use one process, or DDP")
+        found = accelerator.distributed_type.value
+        raise TrainError(
+            f"accelerate is configured for {found}: configure one or several processes, and set train.parallel to shard"
+        )
     main = accelerator.is_main_process
     _claim(config, out, main)
     corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
@@ -66,15 +70,16 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     network = build_model(config, sizes_of(corpus))
     if config.train.start is not None:
         checkpoint.begin_from(network, checkpoint.load(config.train.start).path)
-    optimizer = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
     loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
     held, step = checkpoint.checkpoints(out), 0
     if held:
         step = _resume(held[-1], network, loader, corpus)
-    model, optimizer = accelerator.prepare(network, optimizer)
+    share_out(network, accelerator, config.train)
+    adamw = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
+    model, optimizer = prepared(network, adamw, accelerator, config.train)
     if held:
-        checkpoint.load_optimizer(network, optimizer.optimizer, held[-1])
-    run = _Run(config, out, accelerator, model, network, optimizer, corpus)
+        checkpoint.load_optimizer(network, adamw, held[-1])
+    run = _Run(config, out, accelerator, model, network, optimizer, adamw, corpus)
     rows, last = list[dict[str, Any]](), min(steps or config.train.steps, config.train.steps)
     timing = Timing()
     bar = tqdm(total=last, initial=step, unit="step", disable=quiet or not main, dynamic_ncols=True)
@@ -137,6 +142,7 @@ class _Run:
     model: nn.Module
     network: Puma
     optimizer: Any
+    adamw: torch.optim.Optimizer
     corpus: Corpus
     _flops: float = 0.0
     _waited: float = field(default_factory=time.perf_counter)
@@ -155,7 +161,9 @@ class _Run:
             inputs, targets = part.inputs.to(device), on(part.targets, device)
             if not self._flops:
                 self._flops = step_flops(self.network, inputs)
-            losses = self.network.losses(self.model(inputs), targets)
+            with self.accelerator.autocast():
+                outputs = self.model(inputs)
+            losses = self.network.losses(outputs, targets)
             middle = time.perf_counter()
             self.accelerator.backward(losses["loss"] / settings.accumulate)
             for name, value in losses.items():
@@ -175,7 +183,7 @@ class _Run:
             raise TrainError(f"the loss is {totals['loss']} at step {step + 1}: lower train.head_rate and train.backbone_rate")
         self._waited = time.perf_counter()
         rate = self.optimizer.param_groups[0]["lr"]
-        return {"step": step + 1, **totals, "rate": rate, "norm": float(norm if norm is not None else 0.0)}
+        return {"step": step + 1, **totals, "rate": rate, "norm": float(0.0 if norm is None else whole(norm))}
 
     def validate(self) -> dict[str, float]:
         """Open-loop error on the validation split."""
@@ -203,12 +211,14 @@ class _Run:
     def save(self, step: int, batch: Batch) -> None:
         """Write a checkpoint."""
         self.accelerator.wait_for_everyone()
+        tensors = checkpoint.tensors_of(self.network, self.adamw, keep=self.accelerator.is_main_process)
         if self.accelerator.is_main_process:
             text = card.model_card(self.config, self.corpus, step, self.out / LOG)
             standing = checkpoint.Standing(step, batch.sampler, text)
             path = checkpoint.checkpoint_path(self.out, step)
-            checkpoint.save(path, self.network, self.optimizer.optimizer, self.corpus.preprocessing, standing)
+            checkpoint.save(path, self.network, tensors, self.corpus.preprocessing, standing)
             checkpoint.prune(self.out, self.config.train.keep)
+        self.accelerator.wait_for_everyone()
         self._waited = time.perf_counter()
 
 
@@ -217,7 +227,7 @@ def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict
     was, totals, error, count, samples = network.training, dict[str, float](), 0.0, 0, 0
     network.eval()
     scale = torch.tensor(corpus.preprocessing.action.spread, dtype=torch.float32, device=device)
-    with torch.inference_mode():
+    with torch.no_grad():
         for part in corpus.validation:
             for inputs, targets, _ in validation_batches(part, network.config, corpus, network.words):
                 targets = on(targets, device)
@@ -226,6 +236,7 @@ def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict
                     totals[name] = totals.get(name, 0.0) + float(value) * len(inputs)
                 wrong = ((outputs.actions - targets.action).abs() * scale)[targets.action_valid]
                 error, count, samples = error + float(wrong.sum()), count + wrong.numel(), samples + len(inputs)
+    in_shares(network)
     network.train(was)
     return {name: value / samples for name, value in totals.items()} | {"error": error / max(count, 1)}
 

@@ -8,7 +8,7 @@ import torch
 from transformers import Qwen3VLConfig, Qwen3VLForConditionalGeneration
 
 from tests.training.puma.tiny import config_of, qwen_json
-from training.puma.config import Config
+from training.puma.config import Config, Lora
 from training.puma.errors import TrainError
 from training.puma.model.heads import action_loss, box_loss, feature_loss
 from training.puma.model.inputs import Inputs
@@ -88,6 +88,16 @@ def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
             mm_token_type_ids=(tokens == 90).int(),
         ).last_hidden_state
     return hidden[0, -1 - len(queries) : -1]
+
+
+@pytest.mark.parametrize("lora", [None, Lora(rank=2)], ids=["whole", "lora"])
+def test_weights_that_are_trained_are_float32_whatever_the_arithmetic(tmp_path: Path, lora: Lora | None):
+    config = qwen_config(tmp_path)
+    backbone = config.model.backbone.model_copy(update={"lora": lora})
+    model = config.model.model_copy(update={"backbone": backbone})
+    config = config.model_copy(update={"model": model, "train": config.train.model_copy(update={"precision": "bf16"})})
+    kinds = {(weight.requires_grad, weight.dtype) for weight in build_model(config, SIZES).parameters()}
+    assert kinds == ({(True, torch.float32)} if lora is None else {(True, torch.float32), (False, torch.bfloat16)})
 
 
 def test_hidden_states_are_those_of_transformers(tmp_path: Path):

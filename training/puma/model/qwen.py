@@ -112,8 +112,9 @@ def build_qwen(config: Config, trained: bool) -> tuple[QwenBackbone, Words]:
     for name, size in (("image_size", config.data.image_size), ("flow_size", config.data.flow_size)):
         if size[0] % UNIT or size[1] % UNIT:
             raise TrainError(f"data.{name} {size[0]}x{size[1]}: Qwen3-VL takes sides that are multiples of {UNIT}")
+    half = config.train.precision == "bf16" and (trained or settings.lora is not None)
     try:
-        model = _weights(settings, config.train.precision == "bf16", settings.weights == "random" or trained)
+        model = _weights(settings, half, settings.weights == "random" or trained)
         own = settings.name.endswith(".json")
         tokenizer = None if own else AutoTokenizer.from_pretrained(settings.name, **_revision(settings))
     except (OSError, ValueError) as error:
@@ -133,7 +134,7 @@ def build_qwen(config: Config, trained: bool) -> tuple[QwenBackbone, Words]:
 
 
 def _weights(settings: Backbone, half: bool, random: bool) -> Any:
-    """The base model, without the layer of vocabulary logits."""
+    """The base model, without the layer of vocabulary logits; `half`: in bf16, for weights that are not trained."""
     revision = _revision(settings)
     if settings.name.endswith(".json"):
         if settings.weights != "random":
@@ -162,4 +163,8 @@ def _with_adapters(model: Any, settings: Backbone) -> Any:
     lora = settings.lora
     options = LoraConfig(r=lora.rank, lora_alpha=lora.alpha, lora_dropout=lora.dropout, target_modules=targets)
     model.requires_grad_(False)
-    return inject_adapter_in_model(options, model)
+    model = inject_adapter_in_model(options, model)
+    for weight in model.parameters():
+        if weight.requires_grad:
+            weight.data = weight.data.float()
+    return model
