@@ -1,7 +1,7 @@
 """The network and its optimiser over several processes: copies (DDP), or weights, gradients and states of AdamW in shares (FSDP 2).
 
-Weights, gradients and states of AdamW in float32 are 16 bytes a weight, 64 GB for 4 billion: a card of 80 GB holds a copy of 2 billion,
-or of 4 billion with adapters; more needs shares.
+Weights, gradients and states of AdamW in float32 are 16 bytes a weight, 64 GB for 4 billion: a card of 80 GB holds a copy of 2
+billion, or of 4 billion with adapters; more needs shares.
 """
 
 import torch
