@@ -98,6 +98,7 @@ Levels = Annotated[
 Domains = Annotated[str | None, typer.Option(help="clean, randomized or both, comma separated.", show_default=_default("domains"))]
 Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comma separated.", show_default=_default("alpha"))]
 Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.", show_default=_default("episodes"))]
+Total = Annotated[int | None, typer.Option(help="Episodes of all cells together, spread evenly over them.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.", show_default=_default("seed"))]
 Attempts = Annotated[
     int | None, typer.Option(help="Seeds tried for one slot before it is given up.", show_default=_default("attempts"))

@@ -62,7 +62,7 @@ def measure(recipe: Recipe, assets: Path | None = None) -> Cost:
     """
     ensure_renderer()
     recipe = recipe.model_copy(update={"variants": 1})
-    cells = [cell for cell in recipe.cells() if recipe.wanted(cell)]
+    cells = [cell for cell, count in recipe.counts().items() if count]
     picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]
     slots = list(dict.fromkeys([Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))]))
     warm_up(slots[0].cell.embodiment)

@@ -70,6 +70,8 @@ EDITS = [
     ("stages/render.py", CODE, ALL, IMAGES),
     ("stages/dry_run.py", CODE, ALL, PHYSICS),
     ("data/recipe.py", CODE, NONE, set()),
+    ("data/cells.py", CODE, NONE, set()),
+    ("data/recipe_values.py", CODE, NONE, set()),
     ("data/dataset.py", CODE, NONE, set()),
     ("export/parquet.py", CODE, NONE, set()),
     ("report/summary.py", CODE, NONE, set()),
@@ -164,6 +166,7 @@ PHYSICS_KEYS = {
     "rules": "domino",
     "contact": "continue",
     "layout": "original",
+    "paired": ("levels",),
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
@@ -184,6 +187,7 @@ NO_KEYS = {
     "domains": ("clean", "randomized"),
     "alpha": (0.1, 0.2),
     "episodes": 7,
+    "total": 70,
     "variants": 3,
     "visual_seed": 4,  # of looks that are not drawn from it
 }
