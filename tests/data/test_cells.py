@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.data.cells import Cell, evenly, largest_remainder, spread
+from pipeline.data.cells import Cell, Slot, evenly, largest_remainder, spread
 from pipeline.data.growth import differences, left_out
 from pipeline.data.pairs import Pairs, pairs_of
 from pipeline.run.names import recipe_from
@@ -101,7 +101,7 @@ def test_paired_cells_try_the_same_scenes():
 def test_a_scene_is_complete_where_every_cell_accepted_it():
     recipe = recipe_from({"tasks": "click_bell", "levels": [1, 2], "episodes": 3, "paired": ["levels"]})
     slots = list(recipe.physical_slots())
-    seeds = {slot: recipe.spec(slot, 0).seed for slot in slots}
+    seeds: dict[Slot, int | None] = {slot: recipe.spec(slot, 0).seed for slot in slots}
     assert pairs_of(recipe, seeds) == Pairs(3, 3, 3)
     seeds[slots[0]] = recipe.spec(slots[0], 1).seed
     seeds[slots[2]] = None
