@@ -134,11 +134,13 @@ def plan(
     measure: Annotated[
         bool, typer.Option("--measure", help="Make four episodes in a temporary directory to see how long they take here.")
     ] = False,
+    price: Annotated[float | None, typer.Option(help="What a core-hour costs, in any currency.", show_default=False)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what `build` would make, how long it takes and how big it gets. Keeps nothing."""
     from pipeline.run.cost import measure as run_measure
     from pipeline.run.plan import plan as run_plan
+    from pipeline.run.sizes import said
 
     recipe = recipe_of(
         manifest,
@@ -157,12 +159,14 @@ def plan(
         contact=contact,
         layout=layout,
     )
+    if price is not None and not 0 <= price < float("inf"):
+        raise UsageError(f"--price {price:g} is no price of a core-hour: give a number, e.g. 0.04")
     _, count = executor_of("ray", workers)
     cost = None
     if measure:
         print("measuring: four episodes, up to a minute", file=sys.stderr)
         cost = run_measure(recipe, assets)
-    values = run_plan(recipe, Dataset(out) if out else None, count, cost)
+    values = run_plan(recipe, Dataset(out) if out else None, count, cost, price)
     lines = []
     if cells:
         headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
@@ -174,4 +178,8 @@ def plan(
     )
     left = values["slots"] - values["finished"]
     lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
+    costs = f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
+    lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
+    if parts := values["estimated_bytes_by_part"]:
+        lines.append("bytes: " + ", ".join(f"{name} {said(size)}" for name, size in parts.items()))
     say(values, as_json, "\n".join(lines))

@@ -12,9 +12,11 @@ from pipeline.run.reasons import reasons
 from pipeline.run.state import DONE, OPEN, states
 
 
-def plan(recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None) -> dict[str, Any]:
-    """Cells with wanted and finished slots; estimated hours and bytes of the rest from a `cost`, by default that of the dataset's
-    own record if it has one."""
+def plan(
+    recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None, price: float | None = None
+) -> dict[str, Any]:
+    """Cells with wanted and finished slots; estimated hours, core-hours and bytes of the rest from a `cost`, by default that of the
+    dataset's own record if it has one; what the core-hours cost at a price for one."""
     records = dict(dataset.records(recipe)) if dataset is not None and dataset.manifest.exists() else {}
     done = Counter(slot.cell for slot in records)
     cost = cost or cost_of(dataset, recipe)
@@ -31,7 +33,10 @@ def plan(recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | Non
         "finished": len(records),
         "workers": workers,
         "estimated_hours": cost.hours(left, workers),
+        "estimated_core_hours": cost.core_hours(left),
+        "estimated_cost": None if price is None else cost.core_hours(left) * price,
         "estimated_bytes": int(left * cost.size),
+        "estimated_bytes_by_part": {name: int(left * size) for name, size in cost.parts.items()},
         "estimate_from": cost.source,
         "estimate": cost.said(left, workers),
     }

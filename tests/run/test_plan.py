@@ -1,5 +1,6 @@
 """What a plan says a build will take."""
 
+import h5py
 import pytest
 
 from pipeline.data.atomic import write_atomic
@@ -10,6 +11,7 @@ from pipeline.run.cost import BYTES_PER_EPISODE, SECONDS_PER_EPISODE, Cost, cost
 from pipeline.run.plan import plan
 from pipeline.run.progress import Progress
 from tests.data.test_dataset import KEYS, attempt_row
+from tests.synthetic import make_episode
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
 
@@ -26,6 +28,8 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert values["finished"] == 1
     assert values["estimated_hours"] == pytest.approx(3 * 9 / 3600 / 2)
     assert values["estimated_bytes"] == 15000
+    assert values["estimated_core_hours"] == pytest.approx(3 * 9 / 3600)
+    assert values["estimated_cost"] is None and values["estimated_bytes_by_part"] == {}
     measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
     assert measured["estimated_hours"] == pytest.approx(3 * 100 / 3600 / 2) and measured["estimate_from"] == "here"
 
@@ -35,6 +39,26 @@ def test_a_plan_of_nothing_uses_the_benchmarks(tmp_path):
     assert values["estimated_hours"] == pytest.approx(4 * SECONDS_PER_EPISODE / 3600)
     assert values["estimated_bytes"] == 4 * BYTES_PER_EPISODE
     assert values["estimate_from"] == "benchmarks"
+
+
+def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    slot = next(iter(RECIPE.slots()))
+    make_episode(dataset.episode(slot), frames=4, depth=True)
+    phases = {"dry_run": 3.0, "dry_run.cpu": 1.0, "render": 3.0, "render.cpu": 0.5}
+    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "0" * 64, (attempt_row(0) | {"seconds": 7.0},), phases).to_json())
+    values = plan(RECIPE, dataset, workers=1, price=0.5)
+    assert values["estimated_hours"] == pytest.approx(3 * 7 / 3600)
+    assert values["estimated_core_hours"] == pytest.approx(3 * 1.5 / 3600)
+    assert values["estimated_cost"] == pytest.approx(3 * 1.5 / 3600 * 0.5)
+    with h5py.File(dataset.episode(slot)) as file:
+        cameras = file["observation"].values()
+        held = {key: sum(camera[key].id.get_storage_size() for camera in cameras) for key in ("rgb", "depth")}
+    parts = values["estimated_bytes_by_part"]
+    assert list(parts) == ["images", "depth", "states"]
+    assert (parts["images"], parts["depth"]) == (3 * held["rgb"], 3 * held["depth"])
+    assert sum(parts.values()) == values["estimated_bytes"] == 3 * dataset.episode(slot).stat().st_size
 
 
 @pytest.mark.parametrize(
