@@ -1,8 +1,9 @@
 """build and plan: make a dataset, or say what making it would take."""
 
+import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,6 +30,7 @@ from pipeline.commands.common import (
     UsageError,
     Workers,
     executor_of,
+    kind_of,
     pool_of,
     recipe_of,
     say,
@@ -36,6 +38,9 @@ from pipeline.commands.common import (
 )
 from pipeline.data.dataset import Dataset
 from pipeline.run.signals import Stopped, stop_on_signal
+
+if TYPE_CHECKING:  # it takes a second to import
+    from pipeline.run.build import BuildResult
 
 
 def build(
@@ -63,7 +68,10 @@ def build(
     out: Annotated[Path, typer.Option(help="The dataset directory; the same command again goes on where it stopped.")] = Path(
         "OUT"
     ),
-    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    progress: Annotated[
+        str, typer.Option(help="bar, json (one object a line on standard output, docs/cluster.md) or none.")
+    ] = "bar",
+    quiet: Annotated[bool, typer.Option(help="As --progress none.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make a dataset, or go on making it. Exit code 3 when slots were given up."""
@@ -87,14 +95,29 @@ def build(
         layout=layout,
     )
     pool = pool_of(executor, workers, address)
+    kind = kind_of("none" if quiet else progress)
     if not 0 < slot_timeout < float("inf"):
         raise UsageError(f"--slot-timeout {slot_timeout:g} is no time: give seconds, e.g. 600")
     try:
         with stop_on_signal():
-            result = run_build(out, recipe, pool, slot_timeout, quiet, assets)
+            result = run_build(out, recipe, pool, slot_timeout, kind, assets)
     except Stopped:
         print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
+    if kind == "json":
+        print(json.dumps({"event": "result", **result.__dict__}))
+    else:
+        _say_result(out, result, as_json)
+    if result.given_up:
+        print(
+            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
+            "says why",
+            file=sys.stderr,
+        )
+        raise typer.Exit(GIVEN_UP)
+
+
+def _say_result(out: Path, result: "BuildResult", as_json: bool) -> None:
     say(
         result.__dict__,
         as_json,
@@ -103,13 +126,6 @@ def build(
         + (f", {result.workers_lost} workers lost and replaced" if result.workers_lost else "")
         + f"); images: {Dataset(out).report}",
     )
-    if result.given_up:
-        print(
-            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
-            "says why",
-            file=sys.stderr,
-        )
-        raise typer.Exit(GIVEN_UP)
 
 
 def plan(

@@ -23,7 +23,7 @@ from pipeline.run.engine import run
 from pipeline.run.keys import code_version
 from pipeline.run.mend import from_scenes, mend_assets
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.progress import Progress
+from pipeline.run.progress import Kind, Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
 from pipeline.run.state import DONE, PHYSICS, read_states
 from pipeline.run.strikes import Strikes
@@ -53,7 +53,7 @@ class BuildResult:
 
 
 def build(
-    root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECONDS, quiet: bool = False, assets: Path | None = None
+    root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar", assets: Path | None = None
 ) -> BuildResult:
     """Build or go on building the dataset; vendor meshes that its recipe names are taken from `assets` the first time.
 
@@ -79,7 +79,7 @@ def build(
     todo = [slot for slot, part in known.items() if part != DONE]
     parts = [known[slot] for slot in todo]
     running.clear_all(dataset, todo)
-    progress = Progress(len(slots), len(slots) - len(todo), quiet)
+    progress = Progress(len(slots), len(slots) - len(todo), shown)
     jobs = deque(SlotJob(str(dataset.root.resolve()), recipe, slot, code_version()) for slot in todo)
     try:
         _announce(progress, dataset, recipe, todo, pool)
@@ -87,7 +87,7 @@ def build(
         if recipe.variants > 1:
             progress.close()
             others = (slot for slot in recipe.slots() if slot.variant)
-            problems = draw_all(work_of(dataset, dataset, recipe, others), pool, timeout, quiet)
+            problems = draw_all(work_of(dataset, dataset, recipe, others), pool, timeout, shown != "bar")
             if problems:
                 raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
     finally:
