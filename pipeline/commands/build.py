@@ -108,12 +108,15 @@ def build(
         print(json.dumps({"event": "result", **result.__dict__}))
     else:
         _say_result(out, result, as_json)
+    for line in result.stopped:
+        print(f"domino-data: {line}", file=sys.stderr)
     if result.given_up:
         print(
             f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
             "says why",
             file=sys.stderr,
         )
+    if result.given_up or result.stopped:
         raise typer.Exit(GIVEN_UP)
 
 

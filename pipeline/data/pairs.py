@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pipeline.data.dataset import Dataset
 from pipeline.data.recipe import Recipe, Slot
 
 
@@ -15,6 +16,14 @@ class Pairs:
     scenes: int
     finished: int
     complete: int
+
+
+def pairs_in(dataset: Dataset, recipe: Recipe) -> Pairs | None:
+    """The pairs of a dataset by its ledger; None where its recipe pairs no cells."""
+    if not recipe.paired:
+        return None
+    records = ((slot, record) for slot, record in dataset.records(recipe) if not slot.variant)
+    return pairs_of(recipe, {slot: record.attempts[-1]["seed"] if record.accepted else None for slot, record in records})
 
 
 def pairs_of(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> Pairs:

@@ -21,12 +21,21 @@ MOST_SLOTS = 10_000_000
 
 SLOWEST = 1e-3  # m/s
 
-CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "total", "variants")
+CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "total", "variants", "floor")
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
 _Pixels = Annotated[int, Field(ge=16, le=4096)]
 _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 _SWITCHES = ("depth", "segmentation", "pointcloud")
+
+
+class Floor(BaseModel):
+    """When a cell is stopped: after its first `slots`, of whose attempts a smaller share than `share` was accepted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    share: Annotated[float, Field(gt=0, le=1)]
+    slots: Annotated[int, Field(ge=1, le=1000)] = 3
 
 
 class Recipe(BaseModel):
@@ -56,6 +65,8 @@ class Recipe(BaseModel):
     """Cells that differ only in these try the same scenes for the slots of one number: same layout, objects and looks."""
     attempts: Annotated[int, Field(ge=1, le=1000)] = 30
     """Seeds tried for one slot before it is given up."""
+    floor: Floor | None = None
+    """{share: 0.1, slots: 3} stops a cell where fewer than 10 % of the attempts at its first 3 slots were accepted."""
     fps: Literal[5, 10, 12, 15, 20, 24, 30, 40, 48, 60] = DEFAULT_FPS
     """Recorded frames per second."""
     camera: Literal["L515", "Large_L515", "D435", "Large_D435"] = "D435"
@@ -132,6 +143,12 @@ class Recipe(BaseModel):
         if isinstance(value, Mapping) and (unknown := [key for key in value if key not in ("clean", "randomized")]):
             raise ValueError(f"names the domain {shown(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
         return value
+
+    @field_validator("floor", mode="before")
+    @classmethod
+    def _share_alone(cls, value: Any) -> Any:
+        """A number stands for the share."""
+        return {"share": value} if isinstance(value, int | float) else value
 
     @field_validator("size", mode="before")
     @classmethod

@@ -5,9 +5,10 @@ from dataclasses import asdict
 from typing import Any
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.pairs import pairs_of
-from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.pairs import pairs_in
+from pipeline.data.recipe import Recipe
 from pipeline.run.cost import Cost, cost_of
+from pipeline.run.floor import stops_in
 from pipeline.run.reasons import reasons
 from pipeline.run.state import DONE, OPEN, states
 
@@ -45,20 +46,18 @@ def plan(
 def status(dataset: Dataset) -> dict[str, Any]:
     """Slots wanted, accepted, given up and open; attempts, their failures by reason, and these in detail (`failures`, as Reason);
     per cell the same; and `redo`: what a build would make again of what is there, and because of which changes, as {"what",
-    "because", "slots"}; `pairs` (as Pairs) where the recipe pairs cells."""
+    "because", "slots"}; `pairs` (as Pairs) where the recipe pairs cells; `stopped`: the cells that the recipe's floor stops, as
+    {"cell", "slots", "because"}."""
     recipe = dataset.recipe()
     redo = Counter((state.todo, state.because) for _, state in states(dataset, recipe) if state.todo not in (DONE, OPEN))
     cells: dict[str, Counter[str]] = {c.path: Counter(wanted=n * recipe.variants) for c, n in recipe.counts().items()}
     rows: list[dict[str, Any]] = []
-    seeds = dict[Slot, int | None]()
     for slot, record in dataset.records(recipe):
         count = cells[slot.cell.path]
         count["accepted" if record.accepted else "given_up"] += 1
         count["attempts"] += len(record.attempts)
         count["solved"] += record.accepted and not slot.variant
         rows += record.attempts
-        if not slot.variant:
-            seeds[slot] = record.attempts[-1]["seed"] if record.accepted else None
     total = sum(cells.values(), Counter())
     summary = {key: total[key] for key in ("wanted", "accepted", "given_up", "attempts")}
     rate = total["solved"] / total["attempts"] if total["attempts"] else None
@@ -68,7 +67,8 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "attempt_success": rate,
         "reasons": dict(Counter(row["reason"] for row in rows if row["reason"]).most_common()),
         "failures": [asdict(reason) for reason in reasons(rows)],
-        "pairs": asdict(pairs_of(recipe, seeds)) if recipe.paired else None,
+        "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
+        "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stops_in(dataset, recipe)],
         "redo": [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())],
         "cells": {path: {key: count[key] for key in keys} for path, count in cells.items()},
     }

@@ -19,7 +19,7 @@ _PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
 @dataclass
 class Tally:
     """What of `wanted` slots is done, and what this run did: slots accepted and given up, attempts, their failures by reason,
-    workers lost."""
+    slots of stopped cells, workers lost."""
 
     wanted: int
     done: int
@@ -27,6 +27,7 @@ class Tally:
     given_up: int = 0
     attempts: int = 0
     failures: Counter[str] = field(default_factory=Counter)
+    stopped: int = 0
     workers_lost: int = 0
 
     def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
@@ -48,7 +49,7 @@ class Tally:
     def left(self, seconds: float) -> float | None:
         """Seconds until the rest is done, at the pace of this run; None where no slot has ended yet."""
         made = self.accepted + self.given_up
-        return (self.wanted - self.done) * seconds / made if made else None
+        return (self.wanted - self.done - self.stopped) * seconds / made if made else None
 
 
 class Display(Protocol):
@@ -61,7 +62,7 @@ class Display(Protocol):
         """What goes on until the next slot is done."""
 
     def show(self, tally: Tally, event: str, place: Mapping[str, Any]) -> None:
-        """Something changed: `event` is slot, with its `place`, or worker_lost."""
+        """Something changed: `event` is slot or cell_stopped, with its `place`, or worker_lost."""
 
     def close(self) -> None:
         """Nothing more will come."""
@@ -103,6 +104,7 @@ class Bar:
         elapsed = self._bar.format_dict["elapsed"]
         parts = [f"{tally.rate(elapsed):.0f} ep/h, {100 * tally.accepted / max(1, tally.attempts):.0f} % of attempts"]
         parts += [" ".join(f"{reason}:{n}" for reason, n in tally.failures.most_common(3))] if tally.failures else []
+        parts += [f"stopped: {tally.stopped}"] if tally.stopped else []
         parts += [f"workers lost: {tally.workers_lost}"] if tally.workers_lost else []
         self._bar.set_postfix_str(", ".join(parts))
 
@@ -172,6 +174,11 @@ class Progress:
         self._tally.add(rows)
         place = {key: rows[-1][key] for key in _PLACE if key in rows[-1]} if rows else {}
         self._display.show(self._tally, "slot", place)
+
+    def stopped(self, cell: str, slots: int, because: str) -> None:
+        """A cell is stopped, so many of its slots are not tried."""
+        self._tally.stopped += slots
+        self._display.show(self._tally, "cell_stopped", {"cell": cell, "because": because})
 
     def lost(self) -> None:
         """One worker was lost and is replaced."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.data.recipe import Slot
+from pipeline.data.recipe import Floor, Slot
 from pipeline.run import keys, sources
 from pipeline.run.keys import families_of, redrawn_keys, slot_keys
 from pipeline.run.names import recipe_from
@@ -188,6 +188,7 @@ NO_KEYS = {
     "alpha": (0.1, 0.2),
     "episodes": 7,
     "total": 70,
+    "floor": Floor(share=0.5),
     "variants": 3,
     "visual_seed": 4,  # of looks that are not drawn from it
 }
