@@ -1,8 +1,9 @@
 """build and plan: make a dataset, or say what making it would take."""
 
+import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,9 +26,11 @@ from pipeline.commands.common import (
     Rules,
     Seed,
     Tasks,
+    Total,
     UsageError,
     Workers,
     executor_of,
+    kind_of,
     pool_of,
     recipe_of,
     say,
@@ -35,6 +38,9 @@ from pipeline.commands.common import (
 )
 from pipeline.data.dataset import Dataset
 from pipeline.run.signals import Stopped, stop_on_signal
+
+if TYPE_CHECKING:  # it takes a second to import
+    from pipeline.run.build import BuildResult
 
 
 def build(
@@ -45,6 +51,7 @@ def build(
     domains: Domains = None,
     alpha: Alpha = None,
     episodes: Episodes = None,
+    total: Total = None,
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
@@ -61,7 +68,10 @@ def build(
     out: Annotated[Path, typer.Option(help="The dataset directory; the same command again goes on where it stopped.")] = Path(
         "OUT"
     ),
-    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    progress: Annotated[
+        str, typer.Option(help="bar, json (one object a line on standard output, docs/cluster.md) or none.")
+    ] = "bar",
+    quiet: Annotated[bool, typer.Option(help="As --progress none.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make a dataset, or go on making it. Exit code 3 when slots were given up."""
@@ -76,6 +86,7 @@ def build(
         domains=domains,
         alpha=alpha,
         episodes=episodes,
+        total=total,
         seed=seed,
         attempts=attempts,
         render=render,
@@ -84,14 +95,32 @@ def build(
         layout=layout,
     )
     pool = pool_of(executor, workers, address)
+    kind = kind_of("none" if quiet else progress)
     if not 0 < slot_timeout < float("inf"):
         raise UsageError(f"--slot-timeout {slot_timeout:g} is no time: give seconds, e.g. 600")
     try:
         with stop_on_signal():
-            result = run_build(out, recipe, pool, slot_timeout, quiet, assets)
+            result = run_build(out, recipe, pool, slot_timeout, kind, assets)
     except Stopped:
         print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
+    if kind == "json":
+        print(json.dumps({"event": "result", **result.__dict__}))
+    else:
+        _say_result(out, result, as_json)
+    for line in result.stopped:
+        print(f"domino-data: {line}", file=sys.stderr)
+    if result.given_up:
+        print(
+            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
+            "says why",
+            file=sys.stderr,
+        )
+    if result.given_up or result.stopped:
+        raise typer.Exit(GIVEN_UP)
+
+
+def _say_result(out: Path, result: "BuildResult", as_json: bool) -> None:
     say(
         result.__dict__,
         as_json,
@@ -100,13 +129,6 @@ def build(
         + (f", {result.workers_lost} workers lost and replaced" if result.workers_lost else "")
         + f"); images: {Dataset(out).report}",
     )
-    if result.given_up:
-        print(
-            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
-            "says why",
-            file=sys.stderr,
-        )
-        raise typer.Exit(GIVEN_UP)
 
 
 def plan(
@@ -117,6 +139,7 @@ def plan(
     domains: Domains = None,
     alpha: Alpha = None,
     episodes: Episodes = None,
+    total: Total = None,
     seed: Seed = None,
     attempts: Attempts = None,
     render: Render = None,
@@ -130,11 +153,13 @@ def plan(
     measure: Annotated[
         bool, typer.Option("--measure", help="Make four episodes in a temporary directory to see how long they take here.")
     ] = False,
+    price: Annotated[float | None, typer.Option(help="What a core-hour costs, in any currency.", show_default=False)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what `build` would make, how long it takes and how big it gets. Keeps nothing."""
     from pipeline.run.cost import measure as run_measure
     from pipeline.run.plan import plan as run_plan
+    from pipeline.run.sizes import said
 
     recipe = recipe_of(
         manifest,
@@ -145,6 +170,7 @@ def plan(
         domains=domains,
         alpha=alpha,
         episodes=episodes,
+        total=total,
         seed=seed,
         attempts=attempts,
         render=render,
@@ -152,12 +178,14 @@ def plan(
         contact=contact,
         layout=layout,
     )
+    if price is not None and not 0 <= price < float("inf"):
+        raise UsageError(f"--price {price:g} is no price of a core-hour: give a number, e.g. 0.04")
     _, count = executor_of("ray", workers)
     cost = None
     if measure:
         print("measuring: four episodes, up to a minute", file=sys.stderr)
         cost = run_measure(recipe, assets)
-    values = run_plan(recipe, Dataset(out) if out else None, count, cost)
+    values = run_plan(recipe, Dataset(out) if out else None, count, cost, price)
     lines = []
     if cells:
         headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
@@ -169,4 +197,8 @@ def plan(
     )
     left = values["slots"] - values["finished"]
     lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
+    costs = f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
+    lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
+    if parts := values["estimated_bytes_by_part"]:
+        lines.append("bytes: " + ", ".join(f"{name} {said(size)}" for name, size in parts.items()))
     say(values, as_json, "\n".join(lines))

@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -15,6 +15,7 @@ from pipeline.data.recipe import Recipe
 from pipeline.data.recipe_file import read_recipe
 from pipeline.run.names import recipe_from
 from pipeline.run.pool import EXECUTORS, Pool, pick_executor
+from pipeline.run.progress import KINDS, Kind
 
 GIVEN_UP = 3
 """Exit code of a build that gave slots up: everything else went well, but the dataset lacks episodes (docs/quickstart.md)."""
@@ -98,6 +99,7 @@ Levels = Annotated[
 Domains = Annotated[str | None, typer.Option(help="clean, randomized or both, comma separated.", show_default=_default("domains"))]
 Alpha = Annotated[str | None, typer.Option(help="Speed coefficients in m/s, comma separated.", show_default=_default("alpha"))]
 Episodes = Annotated[int | None, typer.Option(help="Episodes per cell.", show_default=_default("episodes"))]
+Total = Annotated[int | None, typer.Option(help="Episodes of all cells together, spread evenly over them.")]
 Seed = Annotated[int | None, typer.Option(help="Seed of the recipe.", show_default=_default("seed"))]
 Attempts = Annotated[
     int | None, typer.Option(help="Seeds tried for one slot before it is given up.", show_default=_default("attempts"))
@@ -154,6 +156,14 @@ def executor_of(name: str, workers: int | None) -> tuple[str, int]:
     if workers is not None and not 1 <= workers <= MOST_WORKERS:
         raise UsageError(f"--workers {workers} is not a number of workers: give 1 to {MOST_WORKERS}")
     return pick_executor(name, workers)
+
+
+def kind_of(progress: str) -> Kind:
+    """How progress is shown, by its name."""
+    for kind in get_args(Kind):
+        if kind == progress:
+            return kind
+    raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(KINDS)}")
 
 
 def pool_of(executor: str, workers: int | None, address: str | None) -> Pool:

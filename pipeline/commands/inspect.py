@@ -31,6 +31,13 @@ def status(dataset: Root, as_json: AsJson = False) -> None:
         f"{values['accepted']} of {values['wanted']} accepted, {values['given_up']} given up, {values['open']} open; "
         f"{values['attempts']} attempts" + (f", {100 * rate:.0f} % succeed" if rate is not None else "")
     )
+    lines += [f"{s['cell']} is stopped, {s['slots']} slots are not tried: {s['because']}" for s in values["stopped"]]
+    if pairs := values["pairs"]:
+        share = f" ({100 * pairs['complete'] / pairs['finished']:.0f} %)" if pairs["finished"] else ""
+        lines.append(
+            f"paired scenes: {pairs['scenes']}, finished in every cell: {pairs['finished']}, the same in every cell: "
+            f"{pairs['complete']}{share}"
+        )
     lines += [f"  {Reason(**failure).said()}" for failure in values["failures"]] or ["  no attempt failed"]
     say(values, as_json, "\n".join(lines))
 

@@ -39,12 +39,12 @@ def left_out(held: Recipe, wanted: Recipe) -> list[str]:
 
 
 def _left_out(held: Recipe, wanted: Recipe) -> Iterator[str]:
-    cells = set(wanted.cells())
-    lacking = [cell for cell in held.cells() if held.wanted(cell) and cell not in cells]
+    before, after = held.counts(), wanted.counts()
+    lacking = [cell for cell, count in before.items() if count and cell not in after]
     for key in _LISTS if lacking else ():
         if missing := [value for value in getattr(held, key) if value not in getattr(wanted, key)]:
             yield f"{key} {', '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in missing)}"
-    fewer = {held.wanted(cell) for cell in held.cells() if cell in cells and wanted.wanted(cell) < held.wanted(cell)}
+    fewer = {count for cell, count in before.items() if after.get(cell, count) < count}
     if fewer:
         yield f"{max(fewer)} episodes a cell"
     if held.variants > wanted.variants:

@@ -1,32 +1,27 @@
 """A recipe: which episodes a dataset is to hold. Read from YAML, validated, expanded into cells and slots."""
 
-import itertools
 import math
-import reprlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
+from pipeline.data.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.clock import DEFAULT_FPS
-from pipeline.data.errors import DominoError
 from pipeline.data.meta import NamedCamera
-from pipeline.data.names import CAMERAS, MOUNTED, is_embodiment, is_name
+from pipeline.data.names import MOUNTED
+from pipeline.data.recipe_values import SHOWN, RecipeError, cameras_listed, listed, shown
 from pipeline.data.rules import Contact, Layout, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
-DEFAULT_ALPHA = 0.1
 MOST_SLOTS = 10_000_000
 """Episodes of one dataset: its ledger has a file for each."""
 
-MOST_ITEMS = 1000
-LONGEST_NAME = 200
 SLOWEST = 1e-3  # m/s
-SHOWN = 80
 
-CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "variants")
+CHOOSING = ("name", "tasks", "embodiments", "levels", "domains", "alpha", "episodes", "total", "variants", "floor")
 """Keys of a recipe that choose slots and change none: a dataset may grow by them."""
 
 _Pixels = Annotated[int, Field(ge=16, le=4096)]
@@ -34,44 +29,13 @@ _Count = Annotated[int, Field(ge=1, le=1_000_000)]
 _SWITCHES = ("depth", "segmentation", "pointcloud")
 
 
-class RecipeError(DominoError):
-    """A recipe that cannot be used: one line that names the key and the fix."""
+class Floor(BaseModel):
+    """When a cell is stopped: after its first `slots`, of whose attempts a smaller share than `share` was accepted."""
 
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-@dataclass(frozen=True, order=True)
-class Cell:
-    """Task x embodiment x level x alpha x domain."""
-
-    task: str
-    embodiment: str
-    level: int
-    alpha: float
-    domain: str
-
-    @property
-    def path(self) -> str:
-        """Directory of the cell's episodes below `episodes/`: the level carries alpha where that is not 0.1 m/s."""
-        level = f"L{self.level}" if self.alpha == DEFAULT_ALPHA or self.level == 0 else f"L{self.level}@{self.alpha:g}"
-        return f"{self.task}/{self.embodiment}/{level}/{self.domain}"
-
-
-@dataclass(frozen=True, order=True)
-class Slot:
-    """One wanted episode of a cell; variants of it have the same physics and other looks."""
-
-    cell: Cell
-    index: int
-    variant: int = 0
-
-    @property
-    def path(self) -> str:
-        """Where the episode goes, relative to `episodes/`, without its suffix."""
-        return f"{self.cell.path}/episode_{self.index:07d}" + (f"_v{self.variant}" if self.variant else "")
-
-    @property
-    def physical(self) -> "Slot":
-        """The slot whose physics this one shows: its variant 0."""
-        return replace(self, variant=0)
+    share: Annotated[float, Field(gt=0, le=1)]
+    slots: Annotated[int, Field(ge=1, le=1000)] = 3
 
 
 class Recipe(BaseModel):
@@ -95,8 +59,14 @@ class Recipe(BaseModel):
     """Speed coefficients of the target, m/s; 0 is a target that stands still, whatever the level."""
     episodes: _Count | Mapping[Literal["clean", "randomized"], Annotated[int, Field(ge=0, le=1_000_000)]] = 50
     """Wanted per cell (task x robot x level x alpha x domain); also a mapping such as {clean: 50, randomized: 10}."""
+    total: Annotated[int, Field(ge=1, le=MOST_SLOTS)] | None = None
+    """Wanted of all cells together, exactly, spread evenly over them; `episodes` are then the weights of the domains."""
+    paired: tuple[Literal["levels", "domains", "alpha"], ...] = ()
+    """Cells that differ only in these try the same scenes for the slots of one number: same layout, objects and looks."""
     attempts: Annotated[int, Field(ge=1, le=1000)] = 30
     """Seeds tried for one slot before it is given up."""
+    floor: Floor | None = None
+    """{share: 0.1, slots: 3} stops a cell where fewer than 10 % of the attempts at its first 3 slots were accepted."""
     fps: Literal[5, 10, 12, 15, 20, 24, 30, 40, 48, 60] = DEFAULT_FPS
     """Recorded frames per second."""
     camera: Literal["L515", "Large_L515", "D435", "Large_D435"] = "D435"
@@ -145,27 +115,16 @@ class Recipe(BaseModel):
             raise ValueError("is NaN, which is no number")
         return value
 
-    @field_validator("tasks", "embodiments", "levels", "domains", "alpha", mode="before")
+    @field_validator("tasks", "embodiments", "levels", "domains", "alpha", "paired", mode="before")
     @classmethod
     def _listed(cls, value: Any, info: ValidationInfo) -> Any:
-        """A single value stands for a list of one; repeats are dropped, order is kept; only `tasks` may be empty (all of them)."""
-        items = value if isinstance(value, list | tuple) else [value]
-        if not all(isinstance(item, str | int | float) for item in items):
-            raise ValueError("is not a list of names or numbers")
-        if not items and info.field_name != "tasks":
-            raise ValueError("is empty")
-        if any(isinstance(item, float) and math.isnan(item) for item in items):
-            raise ValueError("is not a number")
-        for item in items:
-            if info.field_name == "tasks" and not is_name(item):
-                raise ValueError(f"holds {shown(item)}, which is not a name")
-            if info.field_name == "embodiments" and not is_embodiment(item):
-                raise ValueError(f"holds {shown(item)}, which is neither a name nor a pair of names written left+right")
-            if isinstance(item, str) and len(item) > LONGEST_NAME:
-                raise ValueError(f"holds a name of {len(item)} characters; at most {LONGEST_NAME} are allowed")
-        if len(items) > MOST_ITEMS:
-            raise ValueError(f"has {len(items)} values; at most {MOST_ITEMS} are allowed")
-        return tuple(dict.fromkeys(items))
+        return listed(value, str(info.field_name))
+
+    @field_validator("paired")
+    @classmethod
+    def _in_order(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        """In one order, whatever the order in which they are written."""
+        return tuple(key for key in ("levels", "domains", "alpha") if key in value)
 
     @field_validator("alpha")
     @classmethod
@@ -185,6 +144,12 @@ class Recipe(BaseModel):
             raise ValueError(f"names the domain {shown(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
         return value
 
+    @field_validator("floor", mode="before")
+    @classmethod
+    def _share_alone(cls, value: Any) -> Any:
+        """A number stands for the share."""
+        return {"share": value} if isinstance(value, int | float) else value
+
     @field_validator("size", mode="before")
     @classmethod
     def _two(cls, value: Any) -> Any:
@@ -195,13 +160,7 @@ class Recipe(BaseModel):
     @field_validator("cameras", mode="before")
     @classmethod
     def _known_cameras(cls, value: Any) -> Any:
-        """Known names or full descriptions, each name once."""
-        items = value if isinstance(value, list | tuple) else [value]
-        cameras = [_camera(item) for item in items]
-        names = [CAMERAS[c] if isinstance(c, str) else c.name for c in cameras]
-        if not names or len(set(names)) < len(names):
-            raise ValueError("names a camera twice" if names else "is empty")
-        return tuple(cameras)
+        return cameras_listed(value)
 
     @field_validator("pointcloud")
     @classmethod
@@ -221,25 +180,23 @@ class Recipe(BaseModel):
         """The rules by which episodes are made and judged."""
         return Rules(self.rules, self.contact, self.layout)
 
+    def counts(self) -> Mapping[Cell, int]:
+        """Episodes wanted of every cell, in a fixed order: physics, each drawn `variants` times."""
+        of, lists = self.episodes, (self.tasks, self.embodiments, self.levels, self.alpha, self.domains)
+        each = tuple((domain, of if isinstance(of, int) else of.get(domain, 0)) for domain in self.domains)
+        return episodes_by_cell(Choice(*lists, each, self.total))
+
     def cells(self) -> list[Cell]:
         """All cells in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""
-        out = dict.fromkeys(
-            Cell(task, embodiment, level, alpha if level else DEFAULT_ALPHA, domain)
-            for task, embodiment, level, alpha, domain in itertools.product(
-                self.tasks, self.embodiments, self.levels, self.alpha, self.domains
-            )
-        )
-        return list(out)
+        return list(self.counts())
 
     def robots(self) -> list[str]:
         """The single robots of the embodiments, sorted: both of a mixed pair."""
         return sorted({name for embodiment in self.embodiments for name in embodiment.split("+")})
 
     def wanted(self, cell: Cell) -> int:
-        """Episodes wanted of a cell."""
-        if isinstance(self.episodes, int):
-            return self.episodes
-        return next((count for domain, count in self.episodes.items() if domain == cell.domain), 0)
+        """Episodes wanted of a cell; 0 of one that is not the recipe's."""
+        return self.counts().get(cell, 0)
 
     def slots(self) -> Iterator[Slot]:
         """Every wanted episode: the physical slots in their order, each followed by its other variants."""
@@ -249,45 +206,28 @@ class Recipe(BaseModel):
 
     def physical_slots(self) -> Iterator[Slot]:
         """Variant 0 of every slot: all cells' first, then all second ones, so that an interrupted build is already balanced."""
-        cells = self.cells()
-        for index in range(max((self.wanted(c) for c in cells), default=0)):
-            for cell in cells:
-                if index < self.wanted(cell):
+        counts = self.counts()
+        for index in range(max(counts.values(), default=0)):
+            for cell, count in counts.items():
+                if index < count:
                     yield Slot(cell, index)
 
     def spec(self, slot: Slot, attempt: int) -> EpisodeSpec:
         """The spec of one attempt at a slot.
 
         The first half of the attempts share the drawn shape of the target's motion, and with it its speed, whatever the layout:
-        a fast motion, which fits more seldom, is not replaced by a slow one. Later attempts draw their own.
+        a fast motion, which fits more seldom, is not replaced by a slow one. Later attempts draw their own. Cells that are paired
+        have the same seeds, and with them the same scenes.
         """
         cell = slot.cell
-        seed = attempt_seed(self.seed, cell.path, slot.index, attempt)
-        shared = attempt_seed(self.seed, cell.path, slot.index, -1) if attempt <= self.attempts // 2 else None
+        scenes = cell.scenes(self.paired)
+        seed = attempt_seed(self.seed, scenes, slot.index, attempt)
+        shared = attempt_seed(self.seed, scenes, slot.index, -1) if attempt <= self.attempts // 2 else None
         return EpisodeSpec(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed, shared)
 
     def to_yaml(self) -> str:
         """The recipe as YAML with every field written out."""
         return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False)
-
-
-def _camera(item: Any) -> str | NamedCamera:
-    """A camera of a recipe: a known name (head and head_camera are the same), or a mapping that describes one."""
-    if isinstance(item, NamedCamera):
-        return item
-    if isinstance(item, Mapping):
-        try:
-            return NamedCamera.model_validate(dict(item))
-        except ValidationError as error:
-            wrong = {str(e["loc"][0])[:SHOWN]: e["msg"].removeprefix("Value error, ").lower() for e in error.errors()}
-            said = ", ".join(f"{key} ({message})" for key, message in wrong.items())
-            raise ValueError(f"describes a camera in which these are wrong: {said}") from error
-    name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
-    if name is None:
-        raise ValueError(
-            f"holds {shown(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
-        )
-    return name
 
 
 def parse_recipe(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
@@ -314,12 +254,11 @@ def check_size(recipe: Recipe, source: str = "recipe") -> None:
     """Raise RecipeError for a recipe of no episode, or of more than one dataset holds; without tasks it is counted for one."""
     if not recipe.tasks:
         recipe = recipe.model_copy(update={"tasks": ("all",)})
-    wanted = recipe.variants * sum(recipe.wanted(cell) for cell in recipe.cells())
+    lists = (recipe.tasks, recipe.embodiments, recipe.levels, recipe.alpha, recipe.domains)
+    if (cells := math.prod(map(len, lists))) > MOST_SLOTS:
+        raise RecipeError(
+            f"{source}: has {cells} cells: a dataset has 1 to {MOST_SLOTS} episodes; name fewer tasks, robots or alphas"
+        )
+    wanted = recipe.variants * sum(recipe.counts().values())
     if not 0 < wanted <= MOST_SLOTS:
         raise RecipeError(f"{source}: wants {wanted} episodes: a dataset has 1 to {MOST_SLOTS}; change episodes, alpha or variants")
-
-
-def shown(value: Any) -> str:
-    """A value as a message shows it: short, whatever it is."""
-    shown = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
-    return " ".join(shown.split())[:SHOWN]

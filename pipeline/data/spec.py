@@ -52,6 +52,12 @@ class EpisodeSpec:
         """Whether the target moves at all: level 0 and alpha 0 are the same static case (design.md section 2)."""
         return self.level > 0 and self.alpha > 0
 
+    @property
+    def scene_id(self) -> str:
+        """The same for attempts at paired cells that show the same layout and the same objects; in one domain also the same
+        surroundings and looks."""
+        return hashlib.sha256(json.dumps([self.task, self.embodiment, self.slot, self.seed]).encode()).hexdigest()[:16]
+
     def rng(self, purpose: str) -> np.random.Generator:
         """The named random stream of this attempt; streams of different purposes are independent of each other.
 
@@ -84,6 +90,6 @@ class EpisodeSpec:
 
 
 def attempt_seed(recipe_seed: int, cell: str, slot: int, attempt: int) -> int:
-    """Seed (63 bits) of attempt number `attempt` of a slot; no other slot or attempt shares it (up to a hash collision)."""
+    """Seed (63 bits) of attempt number `attempt` of a slot; no other cell text, slot or attempt has it (up to a hash collision)."""
     key = json.dumps([recipe_seed, cell, slot, attempt]).encode()
     return int.from_bytes(hashlib.sha256(key).digest()[:8], "little") >> 1

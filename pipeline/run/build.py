@@ -20,10 +20,11 @@ from pipeline.run import running
 from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine import run
+from pipeline.run.floor import Probation, Rows, stops_in
 from pipeline.run.keys import code_version
 from pipeline.run.mend import from_scenes, mend_assets
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.progress import Progress
+from pipeline.run.progress import Kind, Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
 from pipeline.run.state import DONE, PHYSICS, read_states
 from pipeline.run.strikes import Strikes
@@ -40,7 +41,7 @@ _PACKAGES = ("domino-data", "sapien", "numpy", "numba", "h5py", "opencv-python-h
 class BuildResult:
     """What a build did: slots wanted (variants included), accepted now in the dataset, given up; physical slots worked on by this
     call; what of them was made (a slot that was OPEN, or its physics, images or sentences made again: run/state.py); attempts by
-    reason of failure; workers that this call lost and replaced."""
+    reason of failure; workers that this call lost and replaced; the cells that the recipe's floor stops, a line for each."""
 
     slots: int
     accepted: int
@@ -50,10 +51,11 @@ class BuildResult:
     attempts: int
     reasons: dict[str, int]
     workers_lost: int
+    stopped: list[str]
 
 
 def build(
-    root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECONDS, quiet: bool = False, assets: Path | None = None
+    root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar", assets: Path | None = None
 ) -> BuildResult:
     """Build or go on building the dataset; vendor meshes that its recipe names are taken from `assets` the first time.
 
@@ -79,15 +81,15 @@ def build(
     todo = [slot for slot, part in known.items() if part != DONE]
     parts = [known[slot] for slot in todo]
     running.clear_all(dataset, todo)
-    progress = Progress(len(slots), len(slots) - len(todo), quiet)
+    progress = Progress(len(slots), len(slots) - len(todo), shown)
     jobs = deque(SlotJob(str(dataset.root.resolve()), recipe, slot, code_version()) for slot in todo)
     try:
         _announce(progress, dataset, recipe, todo, pool)
-        lost = _fill(dataset, jobs, pool, timeout, progress)
+        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs)))
         if recipe.variants > 1:
             progress.close()
             others = (slot for slot in recipe.slots() if slot.variant)
-            problems = draw_all(work_of(dataset, dataset, recipe, others), pool, timeout, quiet)
+            problems = draw_all(work_of(dataset, dataset, recipe, others), pool, timeout, shown != "bar")
             if problems:
                 raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
     finally:
@@ -109,6 +111,7 @@ def build(
         attempts=len(rows),
         reasons=dict(Counter(row["reason"] for row in rows if row["reason"])),
         workers_lost=lost,
+        stopped=[stop.said() for stop in stops_in(dataset, recipe)],
     )
 
 
@@ -129,19 +132,42 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
         progress.doing(f"starting {pool.workers} workers")
 
 
-def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, progress: Progress) -> int:
+@dataclass(frozen=True)
+class Told:
+    """Whom the ends of slots are told: who shows them, and who judges cells by them."""
+
+    progress: Progress
+    probation: Probation
+
+    def done(self, slot: Slot, attempts: Rows) -> list[SlotJob]:
+        """A slot ended; the jobs that may start now."""
+        self.progress.add(attempts)
+        known = len(self.probation.stops)
+        ready = self.probation.done(slot, attempts)
+        self.say_stopped(known)
+        return ready
+
+    def say_stopped(self, known: int = 0) -> None:
+        """Say which cells are stopped, but for the first `known` ones."""
+        for stop in self.probation.stops[known:]:
+            self.progress.stopped(stop.cell.path, stop.slots, stop.because)
+            self.progress.say(stop.said())
+
+
+def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, told: Told) -> int:
     """Have all jobs done; the number of workers lost on the way."""
     limit = Limit[SlotJob](lambda _: timeout, lambda job: running.noted(dataset, job.slot))
     strikes, lost = Strikes(pool.workers), 0
+    told.say_stopped()
     with closing(run(slot_worker, jobs, pool, limit)) as ends:
         for end in ends:
             match end:
-                case Done(_, record):
+                case Done(job, record):
                     strikes.done()
-                    progress.add(record.attempts)
+                    jobs.extend(told.done(job.slot, record.attempts))
                 case Died(job, reason):
                     lost += 1
-                    progress.lost()
+                    told.progress.lost()
                     jobs.append(_again(dataset, job, reason, strikes))
     return lost
 

@@ -1,7 +1,7 @@
 """What an episode costs in seconds and bytes: as a dataset's own record says, as measured here, or as benchmarks say."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,6 +11,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import warm_up
+from pipeline.run import sizes
 from pipeline.run.keys import code_version
 from pipeline.run.slot import SlotJob, fill_slot
 from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
@@ -25,13 +26,26 @@ MEASURED = 3
 """Slots that a measurement makes, besides the first, which pays for what is loaded once."""
 
 
+LOOKED_AT = 20
+"""Episode files of a dataset that are opened at most to see what their bytes are."""
+
+
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of one core and bytes that an episode takes, failed attempts included, and where the figures come from."""
+    """Seconds and bytes that an episode takes, failed attempts included, and where the figures come from.
+
+    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/sizes.py), where files were looked at.
+    """
 
     seconds: float
     size: float
     source: str
+    core_seconds: float | None = None
+    parts: Mapping[str, float] = field(default_factory=dict)
+
+    def core_hours(self, episodes: int) -> float:
+        """Processor time of so many episodes."""
+        return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
 
     def hours(self, episodes: int, workers: int) -> float:
         """How long so many workers take that each have a core."""
@@ -41,8 +55,7 @@ class Cost:
         """About how long and how much, in words."""
         minutes = 60 * self.hours(episodes, workers)
         time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
-        size = episodes * self.size
-        amount = f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
+        amount = sizes.said(episodes * self.size)
         return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (from {self.source})"
 
 
@@ -62,7 +75,7 @@ def measure(recipe: Recipe, assets: Path | None = None) -> Cost:
     """
     ensure_renderer()
     recipe = recipe.model_copy(update={"variants": 1})
-    cells = [cell for cell in recipe.cells() if recipe.wanted(cell)]
+    cells = [cell for cell, count in recipe.counts().items() if count]
     picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]
     slots = list(dict.fromkeys([Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))]))
     warm_up(slots[0].cell.embodiment)
@@ -80,8 +93,18 @@ def measure(recipe: Recipe, assets: Path | None = None) -> Cost:
 def _mean(dataset: Dataset, accepted: Iterable[tuple[Slot, SlotRecord]], source: str) -> Cost:
     pairs = list(accepted)
     seconds = [_seconds(record) for _, record in pairs]
-    sizes = [dataset.episode(slot).stat().st_size for slot, _ in pairs]
-    return Cost(float(np.mean(seconds)), float(np.mean(sizes)), source)
+    bytes_each = [dataset.episode(slot).stat().st_size for slot, _ in pairs]
+    cores = [_core_seconds(record) for _, record in pairs]
+    known = [value for value in cores if value]
+    few = [pairs[int(i)][0] for i in np.unique(np.linspace(0, len(pairs) - 1, LOOKED_AT).round())]
+    parts = sizes.mean_parts(dataset.episode(slot) for slot in few)
+    core_seconds = float(np.mean(known)) if len(known) == len(pairs) else None
+    return Cost(float(np.mean(seconds)), float(np.mean(bytes_each)), source, core_seconds, parts)
+
+
+def _core_seconds(record: SlotRecord) -> float:
+    """Processor time of an episode by its phases."""
+    return sum(seconds for name, seconds in record.phases.items() if name.endswith(".cpu"))
 
 
 def _seconds(record: SlotRecord) -> float:

@@ -1,52 +1,190 @@
-"""The progress bar of a build."""
+"""The progress of a build: counted once, shown as a bar, as JSON lines, or not at all."""
 
+import json
 import sys
+import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import IO, Any, Literal, Protocol, get_args
 
 from tqdm import tqdm
 
+Kind = Literal["bar", "json", "none"]
+KINDS: tuple[str, ...] = get_args(Kind)
 
-class Progress:
-    """One bar: slots done, episodes per hour, attempt success rate, ETA, failures by reason and workers lost."""
+_PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
 
-    def __init__(self, total: int, done: int, quiet: bool = False) -> None:
-        self._bar = tqdm(total=total, initial=done, unit="ep", disable=quiet, dynamic_ncols=True, smoothing=0.1)
-        self._attempts = self._accepted = self._lost = 0
-        self._reasons: Counter[str] = Counter()
+
+@dataclass
+class Tally:
+    """What of `wanted` slots is done, and what this run did: slots accepted and given up, attempts, their failures by reason,
+    slots of stopped cells, workers lost."""
+
+    wanted: int
+    done: int
+    accepted: int = 0
+    given_up: int = 0
+    attempts: int = 0
+    failures: Counter[str] = field(default_factory=Counter)
+    stopped: int = 0
+    workers_lost: int = 0
+
+    def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
+        """One slot is done, with these rows of attempts.parquet."""
+        accepted = False
+        for row in attempts:
+            self.attempts += 1
+            accepted |= row["outcome"] == "accepted"
+            if row["reason"]:
+                self.failures[row["reason"]] += 1
+        self.done += 1
+        self.accepted += accepted
+        self.given_up += not accepted
+
+    def rate(self, seconds: float) -> float:
+        """Accepted episodes an hour, of this run."""
+        return 3600 * self.accepted / max(seconds, 1e-9)
+
+    def left(self, seconds: float) -> float | None:
+        """Seconds until the rest is done, at the pace of this run; None where no slot has ended yet."""
+        made = self.accepted + self.given_up
+        return (self.wanted - self.done - self.stopped) * seconds / made if made else None
+
+
+class Display(Protocol):
+    """Where progress is shown."""
+
+    def say(self, text: str) -> None:
+        """A line for a person."""
+
+    def doing(self, text: str) -> None:
+        """What goes on until the next slot is done."""
+
+    def show(self, tally: Tally, event: str, place: Mapping[str, Any]) -> None:
+        """Something changed: `event` is slot or cell_stopped, with its `place`, or worker_lost."""
+
+    def close(self) -> None:
+        """Nothing more will come."""
+
+
+class Silent:
+    """Shows nothing."""
+
+    def say(self, text: str) -> None:
+        """Nothing."""
+
+    def doing(self, text: str) -> None:
+        """Nothing."""
+
+    def show(self, tally: Tally, event: str, place: Mapping[str, Any]) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+class Bar:
+    """One bar on standard error: slots done, episodes per hour, attempt success rate, ETA, failures by reason and workers lost."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._bar = tqdm(total=tally.wanted, initial=tally.done, unit="ep", dynamic_ncols=True, smoothing=0.1)
 
     def say(self, text: str) -> None:
         """A line above the bar."""
-        if not self._bar.disable:
-            self._bar.write(text, file=sys.stderr)
+        self._bar.write(text, file=sys.stderr)
 
     def doing(self, text: str) -> None:
-        """Say behind the bar what goes on until the next slot is done."""
+        """Say it behind the bar."""
         self._bar.set_postfix_str(text)
 
-    def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
-        """One slot is done."""
-        for row in attempts:
-            self._attempts += 1
-            self._accepted += row["outcome"] == "accepted"
-            if row["reason"]:
-                self._reasons[row["reason"]] += 1
-        self._bar.update(1)
-        self._show()
-
-    def lost(self) -> None:
-        """One worker was lost and is replaced."""
-        self._lost += 1
-        self._show()
+    def show(self, tally: Tally, event: str, place: Mapping[str, Any]) -> None:
+        """Move the bar."""
+        self._bar.update(event == "slot")
+        elapsed = self._bar.format_dict["elapsed"]
+        parts = [f"{tally.rate(elapsed):.0f} ep/h, {100 * tally.accepted / max(1, tally.attempts):.0f} % of attempts"]
+        parts += [" ".join(f"{reason}:{n}" for reason, n in tally.failures.most_common(3))] if tally.failures else []
+        parts += [f"stopped: {tally.stopped}"] if tally.stopped else []
+        parts += [f"workers lost: {tally.workers_lost}"] if tally.workers_lost else []
+        self._bar.set_postfix_str(", ".join(parts))
 
     def close(self) -> None:
         """Leave the bar as it is."""
         self._bar.close()
 
-    def _show(self) -> None:
-        elapsed = self._bar.format_dict["elapsed"] or 1e-9
-        parts = [f"{3600 * self._accepted / elapsed:.0f} ep/h, {100 * self._accepted / max(1, self._attempts):.0f} % of attempts"]
-        parts += [" ".join(f"{reason}:{n}" for reason, n in self._reasons.most_common(3))] if self._reasons else []
-        parts += [f"workers lost: {self._lost}"] if self._lost else []
-        self._bar.set_postfix_str(", ".join(parts))
+
+class JsonLines:
+    """One JSON object a change, on a line of its own (docs/cluster.md names the keys)."""
+
+    def __init__(self, tally: Tally, out: IO[str], clock: Callable[[], float] = time.monotonic) -> None:
+        self._out, self._clock, self._began = out, clock, clock()
+        self.show(tally, "start", {})
+
+    def say(self, text: str) -> None:
+        """A text of its own."""
+        self._write({"event": "note", "text": text})
+
+    def doing(self, text: str) -> None:
+        """As `say`."""
+        self.say(text)
+
+    def show(self, tally: Tally, event: str, place: Mapping[str, Any]) -> None:
+        """All counts, at every change."""
+        elapsed = self._clock() - self._began
+        left = tally.left(elapsed)
+        pace = {
+            "elapsed_seconds": round(elapsed, 3),
+            "episodes_per_hour": round(tally.rate(elapsed), 1),
+            "eta_seconds": None if left is None else round(left, 1),
+        }
+        self._write({"event": event, **place, **vars(tally), **pace})
+
+    def close(self) -> None:
+        """Nothing is left to write."""
+
+    def _write(self, values: Mapping[str, Any]) -> None:
+        print(json.dumps(values), file=self._out, flush=True)
+
+
+class Progress:
+    """The progress of one build, as it is told and as it is shown."""
+
+    def __init__(self, wanted: int, done: int, kind: Kind = "bar") -> None:
+        self._tally = Tally(wanted, done)
+        self._display: Display
+        match kind:
+            case "bar":
+                self._display = Bar(self._tally)
+            case "json":
+                self._display = JsonLines(self._tally, sys.stdout)
+            case "none":
+                self._display = Silent()
+
+    def say(self, text: str) -> None:
+        """A line for a person."""
+        self._display.say(text)
+
+    def doing(self, text: str) -> None:
+        """Say what goes on until the next slot is done."""
+        self._display.doing(text)
+
+    def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
+        """One slot is done."""
+        rows = list(attempts)
+        self._tally.add(rows)
+        place = {key: rows[-1][key] for key in _PLACE if key in rows[-1]} if rows else {}
+        self._display.show(self._tally, "slot", place)
+
+    def stopped(self, cell: str, slots: int, because: str) -> None:
+        """A cell is stopped, so many of its slots are not tried."""
+        self._tally.stopped += slots
+        self._display.show(self._tally, "cell_stopped", {"cell": cell, "because": because})
+
+    def lost(self) -> None:
+        """One worker was lost and is replaced."""
+        self._tally.workers_lost += 1
+        self._display.show(self._tally, "worker_lost", {})
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        self._display.close()

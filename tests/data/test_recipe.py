@@ -38,7 +38,7 @@ values = st.fixed_dictionaries(
 
 
 @given(values)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_a_recipe_expands_to_every_wanted_episode_once(given_values):
     recipe = recipe_from(given_values)
     cells = recipe.cells()
@@ -55,7 +55,7 @@ def test_a_recipe_expands_to_every_wanted_episode_once(given_values):
 
 
 @given(values)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_yaml_restores_a_recipe(given_values):
     recipe = recipe_from(given_values)
     again = recipe_from(yaml.safe_load(recipe.to_yaml()))
@@ -137,6 +137,17 @@ def test_domains_may_want_different_numbers():
         ({"episodes": {"dirty": 1}}, "episodes"),
         ({"seed": -1}, "seed"),
         ({"attempts": 0}, "attempts"),
+        ({"total": 0}, "total"),
+        ({"total": 3, "episodes": {"clean": 0}}, "wants 0 episodes"),
+        ({"paired": ["tasks"]}, "paired"),
+        (
+            {
+                "alpha": [0.01 * i for i in range(1, 101)],
+                "tasks": [f"t{i}" for i in range(200)],
+                "embodiments": [f"e{i}" for i in range(999)],
+            },
+            "cells",
+        ),
         ({"fps": 16}, "fps"),
         ({"camera": "GoPro"}, "camera"),
         ({"render": "lovely"}, "render"),

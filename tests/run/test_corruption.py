@@ -39,7 +39,7 @@ def whole(tmp_path_factory, worker_id):
     with FileLock(f"{shared}.lock"):
         if not shared.exists():
             making = shared.with_suffix(".making")
-            build(making, RECIPE, Pool(), quiet=True)
+            build(making, RECIPE, Pool(), shown="none")
             annotate(making, ("flow",))
             dataset = Dataset(making)
             for format, options in FORMATS.items():
@@ -141,7 +141,7 @@ def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
     for file, damage in damages.items():
         for path in sorted(dataset.glob("assets/bodies/*/*.npz"))[2:5] if file == "assets" else [dataset / file]:
             damage(path)
-    build(dataset, RECIPE, Pool(), quiet=True)
+    build(dataset, RECIPE, Pool(), shown="none")
     assert failures(dataset) == {}
     for folder in ("episodes", "assets"):
         files = sorted(p.relative_to(whole) for p in (whole / folder).rglob("*") if p.is_file())

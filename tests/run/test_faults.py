@@ -77,7 +77,7 @@ def ray_session() -> Iterator[None]:
 @pytest.mark.usefixtures("ray_session")
 def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(build_module, "slot_worker", fatal_worker)
-    result = build_module.build(tmp_path / "out", RECIPE, Pool("ray", 2), timeout=6.0, quiet=True)
+    result = build_module.build(tmp_path / "out", RECIPE, Pool("ray", 2), timeout=6.0, shown="none")
     assert (result.slots, result.accepted, result.given_up, result.attempts) == (3, 0, 3, 12)
     assert result.workers_lost == 5
     assert result.reasons == {"no_path": 10, "worker_died": 1, "worker_hung": 1}

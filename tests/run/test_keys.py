@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.data.recipe import Slot
+from pipeline.data.recipe import Floor, Slot
 from pipeline.run import keys, sources
 from pipeline.run.keys import families_of, redrawn_keys, slot_keys
 from pipeline.run.names import recipe_from
@@ -70,6 +70,8 @@ EDITS = [
     ("stages/render.py", CODE, ALL, IMAGES),
     ("stages/dry_run.py", CODE, ALL, PHYSICS),
     ("data/recipe.py", CODE, NONE, set()),
+    ("data/cells.py", CODE, NONE, set()),
+    ("data/recipe_values.py", CODE, NONE, set()),
     ("data/dataset.py", CODE, NONE, set()),
     ("export/parquet.py", CODE, NONE, set()),
     ("report/summary.py", CODE, NONE, set()),
@@ -164,6 +166,7 @@ PHYSICS_KEYS = {
     "rules": "domino",
     "contact": "continue",
     "layout": "original",
+    "paired": ("levels",),
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
@@ -184,6 +187,8 @@ NO_KEYS = {
     "domains": ("clean", "randomized"),
     "alpha": (0.1, 0.2),
     "episodes": 7,
+    "total": 70,
+    "floor": Floor(share=0.5),
     "variants": 3,
     "visual_seed": 4,  # of looks that are not drawn from it
 }

@@ -1,15 +1,21 @@
 """What a plan says a build will take."""
 
+import io
+import json
+from pathlib import Path
+
 import pytest
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
+from pipeline.data.episode import EpisodeFile
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import parse_recipe
 from pipeline.run.cost import BYTES_PER_EPISODE, SECONDS_PER_EPISODE, Cost, cost_of
 from pipeline.run.plan import plan
-from pipeline.run.progress import Progress
+from pipeline.run.progress import JsonLines, Progress, Tally
 from tests.data.test_dataset import KEYS, attempt_row
+from tests.synthetic import CAMERAS, make_episode
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
 
@@ -26,6 +32,8 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert values["finished"] == 1
     assert values["estimated_hours"] == pytest.approx(3 * 9 / 3600 / 2)
     assert values["estimated_bytes"] == 15000
+    assert values["estimated_core_hours"] == pytest.approx(3 * 9 / 3600)
+    assert values["estimated_cost"] is None and values["estimated_bytes_by_part"] == {}
     measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
     assert measured["estimated_hours"] == pytest.approx(3 * 100 / 3600 / 2) and measured["estimate_from"] == "here"
 
@@ -35,6 +43,25 @@ def test_a_plan_of_nothing_uses_the_benchmarks(tmp_path):
     assert values["estimated_hours"] == pytest.approx(4 * SECONDS_PER_EPISODE / 3600)
     assert values["estimated_bytes"] == 4 * BYTES_PER_EPISODE
     assert values["estimate_from"] == "benchmarks"
+
+
+def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    slot = next(iter(RECIPE.slots()))
+    make_episode(dataset.episode(slot), frames=4, depth=True)
+    phases = {"dry_run": 3.0, "dry_run.cpu": 1.0, "render": 3.0, "render.cpu": 0.5}
+    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "0" * 64, (attempt_row(0) | {"seconds": 7.0},), phases).to_json())
+    values = plan(RECIPE, dataset, workers=1, price=0.5)
+    assert values["estimated_hours"] == pytest.approx(3 * 7 / 3600)
+    assert values["estimated_core_hours"] == pytest.approx(3 * 1.5 / 3600)
+    assert values["estimated_cost"] == pytest.approx(3 * 1.5 / 3600 * 0.5)
+    with EpisodeFile(dataset.episode(slot)) as file:
+        rgb = sum(file.array(f"observation/{camera}/rgb").nbytes for camera in CAMERAS)
+    parts = values["estimated_bytes_by_part"]
+    assert list(parts) == ["images", "depth", "states"]
+    assert parts["images"] == 3 * rgb and 0 < parts["depth"] < parts["images"] + parts["states"]
+    assert sum(parts.values()) == values["estimated_bytes"] == 3 * dataset.episode(slot).stat().st_size
 
 
 @pytest.mark.parametrize(
@@ -49,6 +76,31 @@ def test_an_estimate_is_said_in_round_figures(seconds, episodes, workers, said):
     assert Cost(seconds, 2e6, "x").said(episodes, workers) == said
 
 
+def test_progress_as_json_lines_counts_what_changed():
+    out, clock = io.StringIO(), iter([100.0, 100.0, 110.0, 110.0, 130.0])
+    tally = Tally(wanted=10, done=4)
+    lines = JsonLines(tally, out, lambda: next(clock))
+    tally.add([attempt_row(0, "failed"), attempt_row(1)])
+    lines.show(tally, "slot", {"task": "click_bell", "slot": 4})
+    tally.workers_lost += 1
+    lines.show(tally, "worker_lost", {})
+    lines.doing("compiling")
+    tally.add([attempt_row(0, "failed"), attempt_row(1, "failed")])
+    lines.show(tally, "slot", {"task": "click_bell", "slot": 5})
+    start, slot, lost, note, last = map(json.loads, out.getvalue().splitlines())
+    assert (start["event"], start["wanted"], start["done"], start["eta_seconds"]) == ("start", 10, 4, None)
+    assert (slot["task"], slot["slot"], slot["done"], slot["accepted"], slot["attempts"]) == ("click_bell", 4, 5, 1, 2)
+    # one slot in 10 s, of which five are left
+    assert (slot["elapsed_seconds"], slot["episodes_per_hour"], slot["eta_seconds"]) == (10.0, 360.0, 50.0)
+    assert (lost["event"], lost["workers_lost"]) == ("worker_lost", 1)
+    assert note == {"event": "note", "text": "compiling"}
+    reason = attempt_row(0, "failed")["reason"]
+    assert (last["given_up"], last["failures"], last["eta_seconds"]) == (1, {reason: 3}, 60.0)
+    page = (Path(__file__).parents[2] / "docs" / "cluster.md").read_text()
+    for key in {*start, *slot, *lost, *note}:
+        assert f"`{key}`" in page, key
+
+
 def test_the_bar_says_what_goes_on_before_the_first_episode(capsys):
     progress = Progress(3, 0)
     progress.say("3 episodes to make")
@@ -56,7 +108,7 @@ def test_the_bar_says_what_goes_on_before_the_first_episode(capsys):
     progress.close()
     err = capsys.readouterr().err
     assert err.index("3 episodes to make") < err.index("starting 2 workers")
-    quiet = Progress(3, 0, quiet=True)
+    quiet = Progress(3, 0, "none")
     quiet.say("3 episodes to make")
     quiet.doing("starting 2 workers")
     quiet.close()

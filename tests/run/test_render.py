@@ -43,7 +43,7 @@ def source(tmp_path_factory, worker_id):
     shared = (base if worker_id == "master" else base.parent) / "drawn-once"
     with FileLock(f"{shared}.lock"):
         if not (shared / "report" / "index.html").exists():
-            build(shared, recipe_from(RECIPE), Pool(), quiet=True)
+            build(shared, recipe_from(RECIPE), Pool(), shown="none")
     return Dataset(shared)
 
 
@@ -93,7 +93,7 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
     changes = {"depth": True, "segmentation": True, "pointcloud": True, "cameras": ["observer", "head", corner, wrist]}
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, **changes)
-    build(built.root, recipe_from(RECIPE | changes), Pool(), quiet=True)
+    build(built.root, recipe_from(RECIPE | changes), Pool(), shown="none")
     assert files(out, "episodes/**/*.hdf5") == files(built, "episodes/**/*.hdf5")
     assert failed(out) == []
     for path, plain in zip(paths(out), paths(source), strict=True):
@@ -169,11 +169,11 @@ def test_more_variants_change_none_of_those_there_are(source, tmp_path):
 def test_a_build_of_several_variants_has_those_of_a_rendering(source, tmp_path):
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, variants=2, **SMALL)
-    result = build(built.root, recipe_from(RECIPE | SMALL | {"variants": 2}), Pool(), quiet=True)
+    result = build(built.root, recipe_from(RECIPE | SMALL | {"variants": 2}), Pool(), shown="none")
     assert (result.slots, result.accepted, result.made) == (4, 4, 2)
     assert files(built) == files(out)
     assert failed(built) == []
-    assert build(built.root, built.recipe(), Pool(), quiet=True).made == 0
+    assert build(built.root, built.recipe(), Pool(), shown="none").made == 0
     assert files(built) == files(out)
 
 

@@ -1,0 +1,127 @@
+"""Cells and slots: what a recipe expands to, and how its episodes are spread over its cells."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+
+DEFAULT_ALPHA = 0.1
+
+_GOLDEN = 11400714819323198485
+"""2**64 over the golden ratio: multiples of it, modulo 2**64, fall evenly over the range, whatever their number."""
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """Task x embodiment x level x alpha x domain."""
+
+    task: str
+    embodiment: str
+    level: int
+    alpha: float
+    domain: str
+
+    @property
+    def path(self) -> str:
+        """Directory of the cell's episodes below `episodes/`: the level carries alpha where that is not 0.1 m/s."""
+        level = f"L{self.level}" if self.alpha == DEFAULT_ALPHA or self.level == 0 else f"L{self.level}@{self.alpha:g}"
+        return f"{self.task}/{self.embodiment}/{level}/{self.domain}"
+
+    def scenes(self, paired: Sequence[str]) -> str:
+        """What the seeds of the cell's scenes are drawn from: its path, or one text for all cells that differ only in `paired`
+        (levels, domains, alpha)."""
+        if not paired:
+            return self.path
+        level = "*" if "levels" in paired else str(self.level)
+        alpha = "*" if "alpha" in paired else f"{self.alpha:g}"
+        return f"{self.task}/{self.embodiment}/L{level}@{alpha}/{'*' if 'domains' in paired else self.domain}"
+
+
+@dataclass(frozen=True, order=True)
+class Slot:
+    """One wanted episode of a cell; variants of it have the same physics and other looks."""
+
+    cell: Cell
+    index: int
+    variant: int = 0
+
+    @property
+    def path(self) -> str:
+        """Where the episode goes, relative to `episodes/`, without its suffix."""
+        return f"{self.cell.path}/episode_{self.index:07d}" + (f"_v{self.variant}" if self.variant else "")
+
+    @property
+    def physical(self) -> "Slot":
+        """The slot whose physics this one shows: its variant 0."""
+        return replace(self, variant=0)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The values of a recipe that choose its slots. `each` is the number of episodes by domain, of every cell, or, where `total`
+    is given, the weight of the domain's cells."""
+
+    tasks: tuple[str, ...]
+    embodiments: tuple[str, ...]
+    levels: tuple[int, ...]
+    alpha: tuple[float, ...]
+    domains: tuple[str, ...]
+    each: tuple[tuple[str, int], ...]
+    total: int | None = None
+
+
+@lru_cache(maxsize=8)
+def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
+    """Episodes wanted of every cell, in a fixed order. Level 0 knows no speed, so it appears once whatever the alphas."""
+    lists = (choice.tasks, choice.embodiments, choice.levels, choice.alpha, choice.domains)
+    cells = dict.fromkeys(
+        Cell(task, embodiment, level, alpha if level else DEFAULT_ALPHA, domain)
+        for task, embodiment, level, alpha, domain in itertools.product(*lists)
+    )
+    each = dict(choice.each)
+    counts = {cell: each.get(cell.domain, 0) for cell in cells}
+    return MappingProxyType(counts if choice.total is None else spread(counts, choice.total))
+
+
+def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:
+    """Exactly `total` episodes over cells: by largest remainder between the domains, then evenly over the cells of each.
+
+    All cells of a domain have the same weight. Every cell gets less than one more or less than its share, the remainders go to
+    cells that lie evenly among the domain's, and a larger total takes nothing from any cell (which largest remainder over single
+    cells would: the Alabama paradox). Nothing is given where all weights are 0.
+    """
+    domains: dict[str, list[Cell]] = {}
+    for cell, weight in weights.items():
+        if weight:
+            domains.setdefault(cell.domain, []).append(cell)
+    shares = largest_remainder([sum(weights[cell] for cell in cells) for cells in domains.values()], total)
+    counts = dict.fromkeys(weights, 0)
+    for cells, share in zip(domains.values(), shares, strict=True):
+        counts |= dict(zip(cells, evenly(len(cells), share), strict=True))
+    return counts
+
+
+def largest_remainder(weights: Sequence[int], total: int) -> list[int]:
+    """Whole numbers with the sum `total`, in proportion to positive weights: every share rounded down, and one more for those with
+    the largest remainders, the first of equal ones first. Of at most two weights none ever gets less of a larger total."""
+    whole = sum(weights)
+    counts = [total * weight // whole for weight in weights]
+    order = sorted(range(len(weights)), key=lambda i: -(total * weights[i] % whole))
+    for i in order[: total - sum(counts)]:
+        counts[i] += 1
+    return counts
+
+
+def evenly(places: int, total: int) -> list[int]:
+    """`total` over so many places: the same for all, and one more for a few that lie evenly among them; a larger total takes
+    nothing from any place.
+
+    The order in which places get one more is that of the fractions of their number's multiples of the golden ratio: every
+    beginning of it lies evenly, with at most three different distances between neighbours (Fibonacci hashing).
+    """
+    order = sorted(range(places), key=lambda i: i * _GOLDEN % 2**64)
+    counts = [total // places] * places
+    for i in order[: total % places]:
+        counts[i] += 1
+    return counts

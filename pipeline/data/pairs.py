@@ -1,0 +1,36 @@
+"""How many scenes of a recipe with paired cells were accepted in every cell of their group."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.recipe import Recipe, Slot
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """`scenes` are the slot numbers of the groups of at least two paired cells; `finished` those at which no cell's slot is open;
+    `complete` those where every cell accepted the same scene, the slots of which have equal seeds."""
+
+    scenes: int
+    finished: int
+    complete: int
+
+
+def pairs_in(dataset: Dataset, recipe: Recipe) -> Pairs | None:
+    """The pairs of a dataset by its ledger; None where its recipe pairs no cells."""
+    if not recipe.paired:
+        return None
+    records = ((slot, record) for slot, record in dataset.records(recipe) if not slot.variant)
+    return pairs_of(recipe, {slot: record.attempts[-1]["seed"] if record.accepted else None for slot, record in records})
+
+
+def pairs_of(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> Pairs:
+    """Count the scenes of a recipe; `seeds` has the accepted seed of every finished physical slot, None for one given up."""
+    groups: dict[tuple[str, int], list[Slot]] = defaultdict(list)
+    for slot in recipe.physical_slots():
+        groups[slot.cell.scenes(recipe.paired), slot.index].append(slot)
+    shared = [slots for slots in groups.values() if len(slots) > 1]
+    finished = [{seeds[slot] for slot in slots} for slots in shared if all(slot in seeds for slot in slots)]
+    return Pairs(len(shared), len(finished), sum(len(found) == 1 and None not in found for found in finished))

@@ -1,0 +1,105 @@
+"""A recipe's floor: a cell of whose first slots too small a share of the attempts was accepted is stopped.
+
+The judgement is a function of the ledger entries of a cell's first slots, and no later slot of a cell starts before it. So which
+slots are tried depends neither on the number of workers nor on the order in which they end.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.recipe import Cell, Floor, Recipe, Slot
+from pipeline.run.slot import SlotJob
+
+type Rows = Sequence[Mapping[str, Any]]
+"""Rows of attempts.parquet."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A cell that is stopped: attempts at its first slots, how many were accepted, the floor, and how many slots are not tried."""
+
+    cell: Cell
+    attempts: int
+    accepted: int
+    floor: Floor
+    slots: int
+
+    @property
+    def because(self) -> str:
+        """The reason in words."""
+        return (
+            f"{self.accepted} of {self.attempts} attempts at its first {self.floor.slots} slots were accepted, "
+            f"fewer than the floor of {100 * self.floor.share:g} %"
+        )
+
+    def said(self) -> str:
+        """One line."""
+        return f"{self.cell.path} is stopped, {self.slots} slots are not tried: {self.because}"
+
+
+def judge(cell: Cell, wanted: int, floor: Floor, first: Sequence[Rows]) -> Stop | None:
+    """Whether a cell with so many wanted slots stops, by the attempts at its first ones. Attempts that lost their worker do not
+    count: they say nothing of the cell."""
+    rows = [row for rows in first for row in rows if row["stage"] != "worker"]
+    accepted = sum(row["outcome"] == "accepted" for row in rows)
+    if wanted <= floor.slots or accepted >= floor.share * len(rows):
+        return None
+    return Stop(cell, len(rows), accepted, floor, wanted - floor.slots)
+
+
+def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
+    """The stopped cells of a dataset, by its ledger."""
+    for cell, wanted in recipe.counts().items() if recipe.floor else ():
+        if recipe.floor and wanted > recipe.floor.slots:
+            records = [dataset.record(Slot(cell, index)) for index in range(recipe.floor.slots)]
+            rows = [record.attempts for record in records if record is not None]
+            if len(rows) == len(records) and (stop := judge(cell, wanted, recipe.floor, rows)):
+                yield stop
+
+
+class Probation:
+    """Which jobs may start: those at the first slots of every cell, and a cell's others once it is judged and not stopped."""
+
+    def __init__(self, dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob]) -> None:
+        """Takes from `jobs` those that have to wait."""
+        self._recipe = recipe
+        self.stops: list[Stop] = []
+        self._held: dict[Cell, list[SlotJob]] = {}
+        self._first: dict[Cell, dict[int, Rows | None]] = {}
+        if recipe.floor is None:
+            return
+        ready = [job for job in jobs if job.slot.index < recipe.floor.slots]
+        pending = {job.slot for job in ready}
+        for job in jobs:
+            if job.slot.index >= recipe.floor.slots:
+                self._held.setdefault(job.slot.cell, []).append(job)
+        jobs.clear()
+        jobs.extend(ready)
+        for cell in self._held:
+            first = self._first[cell] = {}
+            for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):
+                record = None if slot in pending else dataset.record(slot)
+                first[slot.index] = record.attempts if record else None
+        for cell in list(self._held):
+            jobs.extend(self._judged(cell))
+
+    def done(self, slot: Slot, attempts: Rows) -> list[SlotJob]:
+        """The jobs that may start now that a slot is done."""
+        first = self._first.get(slot.cell, {})
+        if slot.index not in first:
+            return []
+        first[slot.index] = attempts
+        return self._judged(slot.cell)
+
+    def _judged(self, cell: Cell) -> list[SlotJob]:
+        rows = [rows for rows in self._first[cell].values() if rows is not None]
+        if self._recipe.floor is None or cell not in self._held or len(rows) < self._recipe.floor.slots:
+            return []
+        held = self._held.pop(cell)
+        if stop := judge(cell, self._recipe.wanted(cell), self._recipe.floor, rows):
+            self.stops.append(stop)
+            return []
+        return held

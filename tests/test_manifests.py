@@ -1,0 +1,86 @@
+"""The recipes of manifests/: each expands to the number of episodes that the paper's experiment asks for."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from pipeline.data.growth import differences, left_out
+from pipeline.data.recipe_file import read_recipe
+from pipeline.run.names import recipe_from
+from pipeline.tasks import TASKS
+
+ROOT = Path(__file__).parent.parent / "manifests"
+
+EPISODES = {
+    "domino-117k": 117_000,
+    "smoke": 6 * 3 * 2,
+    "puma-tiny": 2 * 400,
+    "paper/35-tasks": 35 * 50,
+    "paper/10-tasks": 10 * 50,
+    "paper/5-tasks": 5 * 3 * 50,
+    "paper/levels-2-3": 10 * 2 * 50,
+    "paper/cross-level": 10 * 3 * 50,
+    "paper/alpha-0.05": 10 * 50,
+    "paper/alpha-drawn": 10 * 50,
+    "paper/double": 10 * 2 * 50,
+    "paper/static": 35 * 50,
+    "paper/static-and-dynamic": 2 * 35 * 50,
+}
+
+SUBSET = ("10-tasks", "levels-2-3", "cross-level", "alpha-0.05", "alpha-drawn", "double")
+INTERCEPTION = {"grab_roller", "handover_block", "place_a2b_left", "place_can_basket", "shake_bottle"}
+TRACKING = {"beat_block_hammer", "move_pillbottle_pad", "place_bread_basket", "place_container_plate", "press_stapler"}
+"""The ten tasks that the paper's appendix names."""
+
+
+def recipe(name):
+    return recipe_from(read_recipe(ROOT / f"{name}.yaml"), name)
+
+
+def test_every_manifest_is_counted_here():
+    assert {path.relative_to(ROOT).with_suffix("").as_posix() for path in ROOT.rglob("*.yaml")} == set(EPISODES)
+
+
+@pytest.mark.parametrize("name", EPISODES)
+def test_a_manifest_expands_to_the_number_of_episodes(name):
+    wanted = recipe(name)
+    assert sum(wanted.counts().values()) * wanted.variants == EPISODES[name]
+    if name.startswith("paper/"):
+        assert (ROOT / f"{name}.yaml").read_text().startswith("# ")
+        assert wanted.name == name.replace("/", "-")
+        assert (wanted.embodiments, wanted.domains) == (("aloha-agilex",), ("clean",))
+        if name != "paper/alpha-drawn":
+            assert wanted.alpha == ((0.05,) if name == "paper/alpha-0.05" else (0.1,))
+
+
+@pytest.mark.parametrize("name", SUBSET)
+def test_the_subset_is_the_papers(name):
+    tasks = recipe(f"paper/{name}").tasks
+    assert {task for task in tasks if TASKS[task].category == "interception"} == INTERCEPTION
+    assert {task for task in tasks if TASKS[task].category == "tracking"} == TRACKING
+
+
+def test_the_whole_dataset_is_spread_evenly():
+    wanted = recipe("domino-117k")
+    assert (len(wanted.tasks), len(wanted.embodiments), wanted.levels) == (35, 5, (1, 2, 3))
+    counts = wanted.counts()
+    for key, of in (("task", 35), ("embodiment", 5), ("level", 3)):
+        sums = Counter[object]()
+        for cell, count in counts.items():
+            sums[getattr(cell, key)] += count
+        # within half a per cent of equal parts
+        assert len(sums) == of and all(abs(n * of / 117_000 - 1) < 0.005 for n in sums.values())
+    assert sum(count for cell, count in counts.items() if cell.domain == "clean") == 23_400
+
+
+def test_drawn_alphas_cover_their_range_evenly():
+    alphas = recipe("paper/alpha-drawn").alpha
+    parts = sorted(int((alpha - 0.05) / (0.1 / 50)) for alpha in alphas)
+    assert parts == list(range(50))
+
+
+def test_the_ten_tasks_grow_into_twice_the_data():
+    small, large = recipe("paper/10-tasks"), recipe("paper/double")
+    assert not differences(small, large) and not left_out(small, large)
+    assert set(small.slots()) < set(large.slots())
