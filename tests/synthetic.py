@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CAMERA_TYPES, Camera, View, project
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode import Episode
 from pipeline.data.episode_writer import write_episode
 from pipeline.data.meta import CameraInfo, EpisodeMeta
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
+from pipeline.data.state_log import CONTACT_DTYPE, Event, SkillRun, StateLog, Touch
 from pipeline.motion.target_motion import Segment, TargetMotion
 from pipeline.poses import Pose, compose, frame, pose
 from pipeline.world.visuals import CLEAN
@@ -88,7 +89,8 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
     table = np.repeat(pose((0, 0, TABLE_TOP))[None], frames, 0)
     bodies = {"target": target, "other": still, "left_hand": hands[0], "right_hand": hands[1], "table": table}
     contacts = np.zeros(1, CONTACT_DTYPE)
-    contacts[0] = (frames // 2, 0, 2, 0.3, tuple(target[frames // 2, :3]))
+    contacts[0] = (frames // 2, 0, 2, 0.3, tuple(target[frames // 2, :3]), 4)
+    tcp_and_target = (tuple(hands[0][frames // 2].tolist()), tuple(target[frames // 2].tolist()))
     return StateLog(
         times=times,
         bodies=tuple(bodies),
@@ -108,7 +110,19 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
             Event("release", float(times[frames // 2]) + 0.4 / fps),
             Event("success", float(times[-1])),
         ],
+        skills=make_skills(frames, PHYSICS_HZ // fps),
+        touches=[Touch("left", frames // 2 * (PHYSICS_HZ // fps), tuple(target[frames // 2, :3]), 4, *tcp_and_target)],
     )
+
+
+def make_skills(frames: int, every: int) -> list[SkillRun]:
+    """A grasp that meets the target in the middle of an episode, beside the other arm, and a lift; `every` steps a frame."""
+    middle, last = frames // 2 * every, (frames - 1) * every
+    return [
+        SkillRun("grasp", ("left",), "target", "high", "meet", 0, middle),
+        SkillRun("home", ("right",), "", "", "meet", 0, middle),
+        SkillRun("lift", ("left",), "target", "", "finish", middle + every // 2, last),
+    ]
 
 
 def make_motion(log: StateLog, level: int, alpha: float) -> TargetMotion:

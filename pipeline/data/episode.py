@@ -16,11 +16,15 @@ from pydantic import ValidationError
 from pipeline.data.jpeg import EpisodeError, decode_frame
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import SIDES
-from pipeline.data.reading import check_regular
+from pipeline.data.reading import check_regular, parse_json
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
+from pipeline.data.state_log import Event, SkillRun, StateLog, Touch, as_contacts
 
-SCHEMA = 2
+SCHEMA = 3
+"""Version of what is written: 3 added the runs of skills, the group `interception` and the count of contact points."""
+
+READABLE = (2, 3)
+FIRST_CONTACT = "interception/first_contact"
 INFLATION = 4000
 """No dataset is larger than this many times its file: gzip shortens at most a thousandfold."""
 
@@ -32,7 +36,8 @@ _FAULTS = (OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueErro
 class Episode:
     """Everything that one file holds, except images, which `EpisodeFile` reads on demand.
 
-    `motion` is TargetMotion.to_json(); `instructions` has "seen" and "unseen" lists.
+    `motion` is TargetMotion.to_json(); `instructions` has "seen" and "unseen" lists; `interception` are the arrays of the group of
+    that name, first contacts left out, by key (motion/interception_group.py), none in a file of schema 2.
     """
 
     spec: EpisodeSpec
@@ -41,6 +46,7 @@ class Episode:
     instructions: Mapping[str, list[str]]
     meta: EpisodeMeta
     cameras: tuple[str, ...] = field(default=())
+    interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
 
 
 class EpisodeFile:
@@ -58,9 +64,12 @@ class EpisodeFile:
             schema = self._file.attrs.get("schema")
         except _FAULTS:
             schema = None
-        if not np.isscalar(schema) or schema != SCHEMA:
+        self.schema = int(schema) if isinstance(schema, np.integer) and schema in READABLE else 0
+        if not self.schema:
             self._file.close()
-            raise EpisodeError(f"{self.path}: schema is not {SCHEMA}; it was written by another version of domino-data")
+            raise EpisodeError(
+                f"{self.path}: schema is none of {READABLE[0]} to {READABLE[-1]}; it was written by another version of domino-data"
+            )
 
     def __enter__(self) -> "EpisodeFile":
         return self
@@ -176,6 +185,41 @@ class EpisodeFile:
         except _FAULTS as error:
             raise EpisodeError(f"{self.path}: group {group} has no attribute {attribute}") from error
 
+    def _skills(self) -> list[SkillRun]:
+        if self.schema < 3:
+            return []
+        return [SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in parse_json(self.array("skills").item())]
+
+    def _touches(self) -> list[Touch]:
+        if self.schema < 3:
+            return []
+        columns = [self.array(f"{FIRST_CONTACT}/{name}") for name in ("step", "point", "points", "tcp", "target")]
+        rows = zip(SIDES, *columns, strict=True)
+        return [
+            Touch(side, int(step), tuple(point.tolist()), int(points), tuple(tcp.tolist()), tuple(target.tolist()))
+            for side, step, point, points, tcp, target in rows
+            if step >= 0
+        ]
+
+    def interception(self) -> dict[str, NDArray[Any]]:
+        """The arrays of the group `interception` but for the first contacts, by key; none in a file of schema 2."""
+        if self.schema < 3:
+            return {}
+        return {key.removeprefix("interception/"): self.array(key) for key in self._below("interception")}
+
+    def _below(self, name: str) -> Iterator[str]:
+        """Keys of the datasets below a group, first contacts left out."""
+        group = self._group(name)
+        try:
+            keys = [f"{name}/{key}" for key in group if f"{name}/{key}" != FIRST_CONTACT]
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {name} cannot be read ({_line(error)})") from error
+        for key in keys:
+            if isinstance(self._get(key), h5py.Group):
+                yield from self._below(key)
+            else:
+                yield key
+
     def read(self) -> Episode:
         """The whole episode without its images. Raises EpisodeError for one that is not complete."""
         try:
@@ -196,11 +240,13 @@ class EpisodeFile:
             action=self.array("joint_action/vector"),
             tcp=np.stack([self.array(f"endpose/{side}_endpose") for side in SIDES], axis=1),
             target_velocity=self.array("target/velocity"),
-            contacts=self.array("state/contacts").astype(CONTACT_DTYPE),
+            contacts=as_contacts(self.array("state/contacts")),
             events=[Event(**e) for e in json.loads(self.array("events").item())],
+            skills=self._skills(),
+            touches=self._touches(),
         )
         split = {s: self.instructions(s) for s in ("seen", "unseen")}
-        return Episode(self.spec, log, self.array("motion").item().decode(), split, self.meta, self.cameras)
+        return Episode(self.spec, log, self.array("motion").item().decode(), split, self.meta, self.cameras, self.interception())
 
 
 def _line(error: BaseException) -> str:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from pipeline.data.atomic import atomic_path
 from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
-from pipeline.data.episode import SCHEMA, Episode
+from pipeline.data.episode import FIRST_CONTACT, SCHEMA, Episode
 from pipeline.data.jpeg import encode_frames
 from pipeline.data.names import SIDES
+from pipeline.data.state_log import Touch
 
-_GROUPS = ("instruction", "joint_action", "joint_state", "endpose", "target", "objects", "state", "observation")
+_GROUPS = ("instruction", "joint_action", "joint_state", "endpose", "target", "objects", "state", "observation", "interception")
 
 
 def write_episode(
@@ -33,10 +34,15 @@ def write_episode(
     coded = [encode_frames(view.rgb) for view in views] if images is None else images
     with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as f:
         # groups that h5py makes on the way to a dataset carry the time of day; these do not
-        for name in (*_GROUPS, *(f"objects/{body}" for body in episode.meta.objects)):
+        below = {"/".join(key.split("/")[:n]) for key in episode.interception for n in range(1, key.count("/") + 1)}
+        inner = [f"interception/{name}" for name in sorted(below)]
+        for name in (*_GROUPS, *(f"objects/{body}" for body in episode.meta.objects), *inner, FIRST_CONTACT):
             f.create_group(name)
         _write_header(f, episode)
         _write_log(f, episode)
+        _write_touches(f.require_group(FIRST_CONTACT), episode)
+        for key, values in episode.interception.items():
+            f[f"interception/{key}"] = values
         for view, frames in zip(views, coded, strict=True):
             _write_view(f.create_group(f"observation/{view.camera.name}"), view, frames)
         if pointcloud is not None:
@@ -50,6 +56,7 @@ def _write_header(f: h5py.File, e: Episode) -> None:
     f.attrs["meta"] = e.meta.model_dump_json()
     f["motion"] = e.motion
     f["events"] = json.dumps([asdict(event) for event in e.log.events])
+    f["skills"] = json.dumps([asdict(run) for run in e.log.skills])
     f["instruction/seen"] = np.array(e.instructions["seen"], dtype=h5py.string_dtype())
     f["instruction/unseen"] = np.array(e.instructions["unseen"], dtype=h5py.string_dtype())
 
@@ -76,6 +83,16 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     state = f.require_group("state")
     state.attrs["bodies"], state.attrs["joints"] = list(log.bodies), list(log.joints)
     state["poses"], state["qpos"], state["qvel"], state["contacts"] = log.poses, log.qpos, log.qvel, log.contacts
+
+
+def _write_touches(group: h5py.Group, e: Episode) -> None:
+    """Rows left and right; an arm that did not touch the target has step -1 and zeros."""
+    by_side = {touch.side: touch for touch in e.log.touches}
+    rows = [by_side.get(side, Touch(side, -1, (0.0,) * 3, 0, (0.0,) * 7, (0.0,) * 7)) for side in SIDES]
+    group["valid"] = np.array([row.step >= 0 for row in rows])
+    group["time"] = np.array([row.step / e.meta.physics_hz if row.step >= 0 else -1.0 for row in rows])
+    for name in ("step", "point", "points", "tcp", "target"):
+        group[name] = np.array([getattr(row, name) for row in rows])
 
 
 def _write_view(group: h5py.Group, view: View, coded: NDArray[np.bytes_]) -> None:

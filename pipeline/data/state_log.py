@@ -5,9 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-CONTACT_DTYPE = np.dtype([("frame", "<i4"), ("a", "<i2"), ("b", "<i2"), ("impulse", "<f4"), ("point", "<f4", (3,))])
+CONTACT_DTYPE = np.dtype(
+    [("frame", "<i4"), ("a", "<i2"), ("b", "<i2"), ("impulse", "<f4"), ("point", "<f4", (3,)), ("points", "<i2")]
+)
 """One row: bodies a < b (indices into `StateLog.bodies`) touched in the interval that ends at `frame`; the largest summed impulse
-(N s) of the sampled steps, and its mean contact point in the world frame (m)."""
+(N s) of the sampled steps, its mean contact point in the world frame (m) and the number of its contact points, 0 where an episode
+of schema 2 does not say it."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +20,48 @@ class Event:
     name: str
     time: float
     by: str = ""
+
+
+@dataclass(frozen=True)
+class SkillRun:
+    """A skill that the expert executed in physics steps `start` (exclusive) to `end`, counted from the start of the episode.
+
+    `arms` are the sides that moved, `body` and `part` what it was about ("" for none): the body named to the skill, else the one
+    that an arm held as it began. `half` is the half of the task's script, "meet" or "finish". Of runs within one another, such as
+    the grasp of a hand-over, the outer one comes first.
+    """
+
+    skill: str
+    arms: tuple[str, ...]
+    body: str
+    part: str
+    half: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Touch:
+    """The first physics step in which links of an arm pushed the target: the arm's `side`, the step, counted from the start of the
+    episode, the mean `point` (3,) and the number of contact points in the world frame (m), and the measured world poses (7,) of the
+    arm's tcp and of the target's origin after that step."""
+
+    side: str
+    step: int
+    point: tuple[float, ...]
+    points: int
+    tcp: tuple[float, ...]
+    target: tuple[float, ...]
+
+
+def as_contacts(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """Rows of CONTACT_DTYPE from a stored table, whose missing columns become 0. Raises TypeError for a table of another kind."""
+    out = np.zeros(len(rows), CONTACT_DTYPE)
+    for name in rows.dtype.names or ():
+        if name not in (CONTACT_DTYPE.fields or {}) or not np.can_cast(rows.dtype[name], CONTACT_DTYPE[name], "safe"):
+            raise TypeError(f"contacts have a column {name} of {rows.dtype[name]}")
+        out[name] = rows[name]
+    return out
 
 
 @dataclass(eq=False)
@@ -36,6 +81,8 @@ class StateLog:
     target_velocity: NDArray[np.float64]  # (T, 3) m/s of the target's origin
     contacts: NDArray[np.void]  # CONTACT_DTYPE
     events: list[Event] = field(default_factory=list)
+    skills: list[SkillRun] = field(default_factory=list)
+    touches: list[Touch] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.times)

@@ -50,7 +50,7 @@ class Watch:
 def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
     """The log (F frames) with one more frame: the simulation as it is now, with the contacts of this step."""
     qpos, qvel = simulation.qpos()
-    touching = [(len(log), a, b, impulse, point) for a, b, impulse, point in simulation.contacts()]
+    touching = [(len(log), *contact) for contact in simulation.contacts()]
     return replace(
         log,
         times=np.append(log.times, simulation.time),

@@ -1,12 +1,16 @@
 """The expert in one running simulation: what it measures, what it holds, and how planned motion steps become physics."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import inspect
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import wraps
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.state_log import SkillRun, StateLog
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner, Planner, planner_of
 from pipeline.planning.scene import ArmState, Carried, Obstacle, PlanningScene
@@ -24,6 +28,38 @@ MotionStep = dict[str, ArmTrajectory]
 
 Skill = Callable[["Actor"], Iterator[MotionStep]]
 """Plans one motion step after another; what follows a yield is planned from the state the step led to. Raises PlanFailure."""
+
+
+def skill[**P](
+    *, arms: Sequence[str] = ("side",), body: str = "", part: str = ""
+) -> Callable[[Callable[P, Skill]], Callable[P, Skill]]:
+    """Decorator of a function that makes skills: the actor notes each run of them as a SkillRun under the function's name.
+
+    `arms`, `body` and `part` are the names of the function's parameters that say these. A part of several words is joined by "/".
+    """
+
+    def decorate(make: Callable[P, Skill]) -> Callable[P, Skill]:
+        name, signature = make.__name__.rstrip("_"), inspect.signature(make)
+
+        @wraps(make)
+        def made(*args: P.args, **kwargs: P.kwargs) -> Skill:
+            act, bound = make(*args, **kwargs), signature.bind(*args, **kwargs)
+            bound.apply_defaults()
+            given = bound.arguments
+            sides, of = tuple(given[arm] for arm in arms), given[body] if body else ""
+            detail = given[part] if part else None
+            words = detail if isinstance(detail, str) else "/".join(detail or ())
+
+            def noted(a: "Actor") -> Iterator[MotionStep]:
+                with a.noting(name, sides, of, words):
+                    yield from act(a)
+
+            return noted
+
+        return made
+
+    return decorate
+
 
 SWEEP_EVERY = 4
 """While `sweeping`, the sweep keeps every fourth physics step."""
@@ -45,7 +81,7 @@ class Actor:
 
     `expected` maps a side to the joints its arm is about to have, while the other arm is planned to move at the same time.
     `approaches` maps a body to the direction (3,), in the world, from which a hand last went in to grasp it; a grasp of body `name`
-    from a direction near one of `avoid[name]` is taken only where there is no other.
+    from a direction near one of `avoid[name]` is taken only where there is no other. `half` is the half of the script that runs.
     """
 
     def __init__(
@@ -67,6 +103,7 @@ class Actor:
         self.stream = Stream([], [])
         self.sweep: list[NDArray[np.float64]] = [simulation.poses()]
         self.sweeping = False
+        self.half, self._runs = "meet", list[SkillRun]()
         self._frames: dict[str, NamedFrames] = {}
 
     @property
@@ -126,6 +163,36 @@ class Actor:
     def collision(self, name: str) -> tuple[Collider, ...]:
         """Collision pieces of a body in its own frame."""
         return self.bodies[name].instance.shape().collision
+
+    # --- noting -----------------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def noting(self, skill: str, arms: tuple[str, ...], body: str, part: str) -> Iterator[None]:
+        """Note what the block executes as one run of a skill."""
+        body = body or next((self.held[side] for side in arms if side in self.held), "")
+        run = SkillRun(skill, arms, body, part, self.half, self.simulation.steps, -1)
+        place = len(self._runs)  # runs within this one come after it
+        self._runs.append(run)
+        try:
+            yield
+        finally:
+            self._runs[place] = replace(run, end=self.simulation.steps)
+
+    @property
+    def skills(self) -> list[SkillRun]:
+        """The runs of skills so far in the order in which they began; those that executed no step are left out."""
+        ended = [replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs]
+        return [run for run in ended if run.start < run.end]
+
+    def log(self) -> StateLog:
+        """The state log so far, with the runs of skills."""
+        return replace(self.recorder.log(), skills=self.skills)
+
+    def play(self, commands: NDArray[np.float64], velocities: NDArray[np.float64], skills: Sequence[SkillRun]) -> None:
+        """Execute recorded rows (N,A) from the start of the episode; `skills` are the runs that they were recorded from."""
+        for command, velocity in zip(commands, velocities, strict=True):
+            self.advance(command, velocity)
+        self._runs += skills
 
     # --- acting ---------------------------------------------------------------------------------------------------------
 

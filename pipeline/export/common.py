@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -57,6 +57,7 @@ class Facts:
     cameras: tuple[str, ...]
     size: tuple[int, int]
     camera_poses: Mapping[str, NDArray[np.float64]]  # (T, 7) world poses by camera
+    interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])  # the group of that name
 
     def __len__(self) -> int:
         return len(self.log)
@@ -177,6 +178,7 @@ def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
         cameras=episode.cameras,
         size=sizes.pop(),
         camera_poses=camera_poses,
+        interception=episode.interception,
     )
 
 

@@ -6,7 +6,8 @@
       episodes.parquet               where each episode comes from
 
 Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened until then; where nothing has,
-steps and times are -1 and poses and points zero. Counts are those of touching links. The converter takes 14-wide vectors only.
+steps and times are -1 and poses and points zero. Counts are those of contact points, in episodes of schema 2 of touching links. The
+converter takes 14-wide vectors only.
 """
 
 import json
@@ -62,7 +63,7 @@ def fields(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
         "gripper_positions": log.state[:, grippers],
         f"{CONTACT}_mask": derived.contact_pairs > 0,
         f"{CONTACT}_centroids_world": derived.contact_centroids,
-        f"{CONTACT}_point_counts": derived.contact_pairs,
+        f"{CONTACT}_point_counts": derived.contact_points,
         "stable_grasp_succeeded": np.logical_or.accumulate(derived.held.any(1)),
     }
     return values | _first(facts, derived)
@@ -78,7 +79,7 @@ def _first(facts: Facts, derived: Interception) -> dict[str, NDArray[Any]]:
         if contact := derived.first_contacts.get(side):
             since = slice(int(np.searchsorted(derived.steps, contact.step)), None)
             valid[since, arm], step[since, arm], time[since, arm] = True, contact.step, contact.time
-            counts[since, arm], centroids[since, arm] = contact.pairs, contact.centroid
+            counts[since, arm], centroids[since, arm] = contact.points, contact.centroid
             tcp[since, arm], target[since, arm] = contact.tcp, contact.target
     return {
         f"first_{CONTACT}_valid": valid,

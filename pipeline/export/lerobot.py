@@ -1,8 +1,9 @@
 """LeRobot v3.0: Parquet for numbers, one growing mp4 per camera, each byte written once.
 
-Beyond the format: poses of target, end effectors and cameras and contacts in every frame, `domino.*` columns in meta/episodes (so
-that lerobot's `filter_episodes` can select on level, alpha, seed...), meta/domino_episodes.parquet (all instructions, motion,
-objects, events), meta/domino.json and meta/modality.json (GR00T, StarVLA).
+Beyond the format: poses of target, end effectors and cameras, contacts, the target's path and traces ahead, and the script in every
+frame, `domino.*` columns in meta/episodes (so that lerobot's `filter_episodes` can select on level, alpha, seed...),
+meta/domino_episodes.parquet (all instructions, motion, objects, events, skills), meta/domino.json and meta/modality.json (GR00T,
+StarVLA).
 
 `observation.state` is measured at the frame, `action` is the joint target commanded for the interval after it; nothing is shifted.
 File k of the data and file k of each video hold the same episodes.
@@ -23,8 +24,10 @@ from pipeline.export.lerobot_check import check_v3
 from pipeline.export.lerobot_format import (
     FILES_PER_CHUNK,
     MEGABYTE,
+    TEXT_FEATURES,
     Tables,
     chunk_file,
+    column_stats,
     data_columns,
     data_table,
     described_cameras,
@@ -33,6 +36,7 @@ from pipeline.export.lerobot_format import (
     image_key,
     modality,
 )
+from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns, with_language
 from pipeline.export.lerobot_options import INDEX, LerobotOptions, datasets_of, index_row
 from pipeline.export.lerobot_prepare import Prepared, prepare_all
 from pipeline.export.lerobot_reference import data_schema, write_meta
@@ -118,7 +122,7 @@ class Writer:
         same(self.first, facts)
         index, task = self.provenance.count, self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
-        stats = {name: vector_stats(values) for name, values in columns.items()}
+        stats = column_stats(columns)
         for camera, counts in episode.colors.items():
             key = image_key(self.names[camera])
             stats[key] = image_stats(counts, episode.sampled)
@@ -157,6 +161,7 @@ class V3Writer(Writer):
     def __init__(self, root: Path, first: Facts, options: LerobotV3Options) -> None:
         super().__init__(root, first, options)
         self.options = options
+        self.features = with_language(self.features)
         self.data = Tables(root / "data", data_schema(self.features))
         self.rows_to: Tables | None = None
         self.rows: list[dict[str, Any]] = []
@@ -170,7 +175,8 @@ class V3Writer(Writer):
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-        self.data.write(data_table(columns, self.data.schema))
+        texts = language_columns(facts, self.names, self.data.schema)
+        self.data.write(data_table(columns | texts, self.data.schema))
         for camera, mp4 in episode.videos.items():
             row |= self._append_video(image_key(self.names[camera]), mp4, facts)
         row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
@@ -231,7 +237,8 @@ class V3Writer(Writer):
 
     def finish(self) -> dict[str, Any]:
         summary = super().finish()
-        stats = {name: vector_stats(self.data.column(name)) for name in self.data.schema.names}
+        texts = (*TEXT_FEATURES, PERSISTENT, EVENTS)
+        stats = {name: vector_stats(self.data.column(name)) for name in self.data.schema.names if name not in texts}
         stats |= {key: image_stats(counts, self.sampled) for key, counts in self.colors.items()}
         info = {
             "codebase_version": VERSION,

@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -22,6 +23,7 @@ from pipeline.export.lerobot_format import (
     image_key,
     modality,
 )
+from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns
 from pipeline.export.provenance import check_provenance, scalars
 from pipeline.export.video import frames_of
 
@@ -55,7 +57,8 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
         if got != want:
             problems.append(f"{root}: has {got} {what} for {want} episodes")
     stats = json.loads((root / "meta/stats.json").read_text())
-    problems += [f"{root}: has no statistics of {name}" for name in sorted(set(info["features"]) - set(stats))]
+    numbers = {name for name, feature in info["features"].items() if feature["dtype"] not in ("string", "language")}
+    problems += [f"{root}: has no statistics of {name}" for name in sorted(numbers - set(stats))]
     problems += check_features(root, info)
     with reading(paths[0]) as file:
         first = read_facts(file, dataset)
@@ -72,6 +75,7 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
                 problems += [f"{where}: {p}" for p in _check_row(facts, index, start, row, tasks, info)]
                 at = root / DATA_PATH.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
                 columns = data_columns(facts, names, index, start, tasks.get(facts.instruction, -1))
+                columns |= language_columns(facts, names, pq.read_schema(at))
                 problems += [f"{where}: {at.name}: {p}" for p in check_columns(at, index, columns)]
                 for camera, name in names.items():
                     problems += [f"{where}: {camera} {p}" for p in _check_video(file, camera, image_key(name), row, videos)]
@@ -94,8 +98,9 @@ def check_described(root: Path, first: Facts, given: Mapping[str, str], episodes
 
 
 def check_features(root: Path, info: Mapping[str, Any]) -> list[str]:
-    """Every feature but the clock must have names."""
-    return [f"{root}: feature {n} has no names" for n, f in info["features"].items() if n not in CLOCK_FEATURES and not f["names"]]
+    """Every feature but the clock and lerobot's own language columns must have names."""
+    unnamed = (*CLOCK_FEATURES, PERSISTENT, EVENTS)
+    return [f"{root}: feature {n} has no names" for n, f in info["features"].items() if n not in unnamed and not f["names"]]
 
 
 def _check_row(facts: Facts, index: int, start: int, row: dict[str, Any], tasks: dict[str, int], info: dict[str, Any]) -> list[str]:
@@ -112,8 +117,8 @@ def _check_row(facts: Facts, index: int, start: int, row: dict[str, Any], tasks:
     return problems
 
 
-def check_columns(path: Path, index: int, columns: Mapping[str, NDArray[Any]]) -> list[str]:
-    """Compare the rows of episode `index` in a data file with its columns (T,) or (T,d), which must be equal."""
+def check_columns(path: Path, index: int, columns: Mapping[str, Any]) -> list[str]:
+    """Compare the rows of episode `index` in a data file with its columns (T,) or (T,d) or Arrow arrays, which must be equal."""
     got = pq.read_table(path, filters=[("episode_index", "==", index)])
     length = len(columns["index"])
     if len(got) != length:
@@ -121,7 +126,10 @@ def check_columns(path: Path, index: int, columns: Mapping[str, NDArray[Any]]) -
     problems = []
     for name, want in columns.items():
         column = got[name].combine_chunks()
-        values = column.flatten().to_numpy().reshape(want.shape) if want.ndim == 2 else column.to_numpy()
+        if isinstance(want, pa.Array):
+            problems += [f"column {name} differs"] * (column.to_pylist() != want.to_pylist())
+            continue
+        values = column.flatten().to_numpy().reshape(want.shape) if want.ndim == 2 else column.to_numpy(zero_copy_only=False)
         if not np.array_equal(values, want):
             problems.append(f"column {name} differs")
     return problems

@@ -4,8 +4,8 @@ The columns are made here, whole episodes at a time: lerobot makes them frame by
 images to files on the way (benchmarks/export.py has both speeds). The tests hold the files against those that lerobot writes for
 the same episode, and load them with it.
 
-Poses of end effectors and cameras, contacts and the target are features of their own, outside of `observation.`: policies take
-what starts with that for an input, and a robot does not know the pose of the target.
+Poses of end effectors and cameras, contacts, the target, where it goes next and the script are features of their own, outside of
+`observation.`: policies take what starts with that for an input, and a robot does not know the pose of the target.
 """
 
 from collections.abc import Mapping
@@ -21,14 +21,19 @@ from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
 from pipeline.export.common import Facts
 from pipeline.export.provenance import SCALAR_TYPES
-from pipeline.export.stats import Stats
+from pipeline.export.script import script_of
+from pipeline.export.stats import Stats, vector_stats
 from pipeline.export.video import Codec
+from pipeline.motion.paths import path_ahead, trace_ahead
 
 FILES_PER_CHUNK = 1000
 MEGABYTE = 1024**2
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+TEXT_FEATURES = ("subtask", "skill", "stage")
+"""One text a frame: script.Script has them."""
+
 CLOCK_FEATURES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 
 
@@ -53,12 +58,14 @@ def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[st
     for camera in facts.cameras:
         shape = {"dtype": "video", "shape": [*facts.size, 3], "names": ["height", "width", "channels"]}
         features[image_key(names[camera])] = shape | {"info": _video_info(facts, codec)}
+    features |= {name: {"dtype": "string", "shape": [1], "names": [name]} for name in TEXT_FEATURES}
     return features | {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()}
 
 
 def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]:
-    """Names of the parts of every feature that is a vector of numbers."""
+    """Names of the parts of every feature that is a vector of numbers; paths and traces reach one second ahead."""
     joints = list(facts.log.vector_names)
+    later = range(1, facts.fps + 1)
     return {
         "observation.state": joints,
         "action": joints,
@@ -68,6 +75,8 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
         **{f"camera.{names[camera]}.pose": POSE_NAMES for camera in facts.cameras},
         "contact.target": list(SIDES),
         "contact.manipulated": list(SIDES),
+        "target.path": [f"{axis}{k}" for k in later for axis in ("x", "y", "z")],
+        **{f"trace.{names[camera]}": [f"{part}{k}" for k in later for part in ("u", "v", "depth")] for camera in facts.cameras},
     }
 
 
@@ -104,11 +113,14 @@ def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
     }
 
 
-def data_table(columns: dict[str, NDArray[Any]], schema: pa.Schema) -> pa.Table:
-    """Rows of a data file from columns (T,) or (T,d)."""
+def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema) -> pa.Table:
+    """Rows of a data file from columns (T,) or (T,d), or Arrow arrays of the type of the schema."""
     arrays = []
     for field in schema:
         values = columns[field.name]
+        if isinstance(values, pa.Array):
+            arrays.append(values)
+            continue
         flat = pa.array(values.ravel())
         arrays.append(flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=field.type))
     return pa.Table.from_arrays(arrays, schema=schema)
@@ -126,14 +138,34 @@ def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int,
         **{f"camera.{names[camera]}.pose": facts.camera_poses[camera] for camera in facts.cameras},
         "contact.target": contact_flags(facts, facts.meta.target),
         "contact.manipulated": contact_flags(facts, facts.meta.manipulated),
+        "target.path": path_ahead(facts.target[:, :3], facts.fps).reshape(length, -1),
+        **{f"trace.{names[camera]}": trace_of(facts, camera).reshape(length, -1) for camera in facts.cameras},
     }
-    return {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()} | {
-        "timestamp": (np.arange(length) / facts.fps).astype(np.float32),
-        "frame_index": np.arange(length),
-        "episode_index": np.full(length, index),
-        "index": np.arange(start, start + length),
-        "task_index": np.full(length, task),
-    }
+    script = script_of(facts)
+    texts = {name: np.array(getattr(script, name), object) for name in TEXT_FEATURES}
+    numbers = {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()}
+    return (
+        numbers
+        | texts
+        | {
+            "timestamp": (np.arange(length) / facts.fps).astype(np.float32),
+            "frame_index": np.arange(length),
+            "episode_index": np.full(length, index),
+            "index": np.arange(start, start + length),
+            "task_index": np.full(length, task),
+        }
+    )
+
+
+def trace_of(facts: Facts, camera: str) -> NDArray[np.float64]:
+    """(T,H,3) where the target goes within a second in the image of a camera (motion/paths.py)."""
+    kind = facts.meta.drawing.cameras[camera].camera(camera).type
+    return trace_ahead(kind, facts.camera_poses[camera], facts.target[:, :3], facts.fps)
+
+
+def column_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
+    """Statistics of the columns that hold numbers."""
+    return {name: vector_stats(values) for name, values in columns.items() if name not in TEXT_FEATURES}
 
 
 def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:

@@ -8,16 +8,20 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
 from pipeline.export.annotations import IMAGE, Joined, annotation_columns
 from pipeline.export.common import Facts, event_frames
-from pipeline.export.lerobot_format import contact_flags
+from pipeline.export.lerobot_format import contact_flags, trace_of
 from pipeline.export.meetings import interception
+from pipeline.export.script import script_of
 from pipeline.motion.interception import track
+from pipeline.motion.paths import path_ahead
 
 VECTORS = ("state", "action", "target_pose", "target_velocity", "tcp_left", "tcp_right")
 FLAGS = ("contact_target", "contact_manipulated", "held")
+TEXTS = ("subtask", "skill", "stage")
 CONSTANTS = {"task": pa.string(), "embodiment": pa.string(), "level": pa.int64(), "alpha": pa.float64(), "domain": pa.string()} | {
     "slot": pa.int64(),
     "seed": pa.int64(),
@@ -45,12 +49,13 @@ class Plan:
         """The schema; its metadata have fps, joint names, annotations and the Hugging Face feature of every column."""
         columns: dict[str, pa.DataType] = {"episode_index": pa.int64(), "frame_index": pa.int64(), "timestamp": pa.float64()}
         columns |= CONSTANTS
-        columns |= dict.fromkeys(VECTORS, pa.list_(pa.float32()))
+        columns |= dict.fromkeys(TEXTS, pa.string())
+        columns |= dict.fromkeys((*VECTORS, "target_path"), pa.list_(pa.float32()))
         columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
         columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
         columns |= {"sim_step": pa.int64(), **dict.fromkeys(FLAGS, pa.list_(pa.bool_()))}
         for name in self.cameras.values():
-            columns |= {f"{kind}_{name}": pa.list_(pa.float32()) for kind in ("camera_pose", "target_track")}
+            columns |= {f"{kind}_{name}": pa.list_(pa.float32()) for kind in ("camera_pose", "target_track", "trace")}
         columns |= dict.fromkeys(self.images.values(), IMAGE)
         for one in self.joined:
             columns |= one.columns
@@ -87,7 +92,10 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
     columns["timestamp"] = log.times - log.times[0]
     values = (log.state, log.action, facts.target, log.target_velocity, log.tcp[:, 0], log.tcp[:, 1])
     for name, value in zip(VECTORS, values, strict=True):
-        columns[name] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
+        columns[name] = _lists(value)
+    script = script_of(facts)
+    columns |= {name: getattr(script, name) for name in TEXTS}
+    columns["target_path"] = _lists(path_ahead(facts.target[:, :3], facts.fps))
     names: list[list[str]] = [[] for _ in range(frames)]
     times: list[list[float]] = [[] for _ in range(frames)]
     for frame, name, time in event_frames(facts):
@@ -103,10 +111,15 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
     for camera, name in plan.cameras.items():
         poses = facts.camera_poses[camera]
         seen = track(facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3])
-        for kind, value in (("camera_pose", poses), ("target_track", seen)):
-            columns[f"{kind}_{name}"] = pa.array(list(value.astype(np.float32)), pa.list_(pa.float32()))
+        for kind, value in (("camera_pose", poses), ("target_track", seen), ("trace", trace_of(facts, camera))):
+            columns[f"{kind}_{name}"] = _lists(value)
     columns |= annotation_columns(plan.joined, dataset, facts.source, frames)
     for camera, column in plan.images.items():
         coded = file.array(f"observation/{camera}/rgb").tolist()
         columns[column] = pa.array([{"bytes": jpeg, "path": None} for jpeg in coded], IMAGE)
     return pa.table({name: columns[name] for name in schema.names}, schema=schema)
+
+
+def _lists(values: NDArray[np.float64]) -> pa.Array:
+    """A column of flat float32 lists from values (T,...)."""
+    return pa.array(list(values.reshape(len(values), -1).astype(np.float32)), pa.list_(pa.float32()))

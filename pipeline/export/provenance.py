@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -13,6 +14,8 @@ from pipeline.data.rules import rules_of
 from pipeline.data.state_log import StateLog
 from pipeline.export.common import Facts, read_facts, reading
 from pipeline.export.meetings import interception
+from pipeline.export.script import rows_of
+from pipeline.motion.interception_group import conditions_of
 
 
 def scalars(facts: Facts) -> dict[str, Any]:
@@ -22,7 +25,9 @@ def scalars(facts: Facts) -> dict[str, Any]:
     first touch does, and where the bases stand unless at our places (data/rules.py).
     T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
     t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
-    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion.
+    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion. `skills` are the
+    runs of skills with their physics steps and frames (script.rows_of), `conditions` the success conditions by name with the time
+    from which each holds to the end, both as JSON.
     """
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     arms, first = meta.arms, derived.first_contacts
@@ -49,7 +54,19 @@ def scalars(facts: Facts) -> dict[str, Any]:
         "arms": "+".join(sorted(set(arms.values()))),
         "physics_key": meta.physics_key,
         "source": facts.source,
+        "skills": json.dumps(rows_of(facts)),
+        "conditions": json.dumps(_since(facts)),
     }
+
+
+def _since(facts: Facts) -> dict[str, float | None]:
+    """Time (s) since the first frame from which each success condition holds to the end, None where it does not."""
+    since = dict[str, float | None]()
+    for name, holds in conditions_of(facts.interception).items():
+        failing = np.flatnonzero(~holds)
+        first = int(failing[-1]) + 1 if len(failing) else 0
+        since[name] = float(facts.log.times[first] - facts.log.times[0]) if first < len(holds) else None
+    return since
 
 
 def _time(log: StateLog, event: str) -> float | None:
@@ -59,7 +76,8 @@ def _time(log: StateLog, event: str) -> float | None:
 
 _SPEEDS = ("average_speed", "maximum_speed")
 SCALAR_TYPES = {
-    **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key", "source"), pa.string()),
+    **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"), pa.string()),
+    **dict.fromkeys(("source", "skills", "conditions"), pa.string()),
     "physics_id": pa.string(),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
     **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),

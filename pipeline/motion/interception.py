@@ -1,8 +1,8 @@
 """What a simulator knows about a meeting and a recording does not say, computed from the state log and the target's motion.
 
-Nothing is measured anew: times, contacts and poses are those of the episode file. The first contact of the arm that met the target
-is known to the physics step, because the meeting is an event; contacts of the other arm are known per frame. Poses between frames
-are interpolated: positions linearly, orientations along the shorter arc.
+Nothing is measured anew: times, contacts and poses are those of the episode file. First contacts are known to the physics step; in
+an episode of schema 2 only that of the arm that met the target is, because the meeting is an event, the other arm's is known to the
+frame, and poses between frames are interpolated: positions linearly, orientations along the shorter arc.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import SIDES
-from pipeline.data.state_log import StateLog
+from pipeline.data.state_log import StateLog, Touch
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import Pose, compose, inverse
 
@@ -30,8 +30,8 @@ class FirstContact:
     """The first contact of an arm or its hand with the target.
 
     `step` and `time` (s) are exact where `resolution` (physics steps) is 1, else the end of the frame's interval in which it
-    happened. `centroid` (3,) is the mean contact point (m) of that interval, `pairs` the number of touching links; `tcp` and
-    `target` (7,) are the world poses at that time.
+    happened. `centroid` (3,) is the mean contact point (m), `points` the number of contact points, of that step or interval; `tcp`
+    and `target` (7,) are the world poses at that time.
     """
 
     side: str
@@ -39,7 +39,7 @@ class FirstContact:
     time: float
     resolution: int
     centroid: Array
-    pairs: int
+    points: int
     tcp: Pose
     target: Pose
 
@@ -101,14 +101,24 @@ class Interception:
         sums = np.zeros((len(self.log), len(SIDES), 3))
         for side in range(len(SIDES)):
             rows = self.contact_rows(side)
-            np.add.at(sums[:, side], rows["frame"], rows["point"].astype(float))
-        return sums / np.maximum(self.contact_pairs, 1)[..., None]
+            np.add.at(sums[:, side], rows["frame"], np.maximum(rows["points"], 1)[:, None] * rows["point"].astype(float))
+        return sums / np.maximum(self.contact_points, 1)[..., None]
+
+    @cached_property
+    def contact_points(self) -> NDArray[np.int64]:
+        """(T,2) number of contact points of each arm with the target; where an old episode does not say it, one for each link."""
+        counts = np.zeros((len(self.log), len(SIDES)), np.int64)
+        for side in range(len(SIDES)):
+            rows = self.contact_rows(side)
+            np.add.at(counts[:, side], rows["frame"], np.maximum(rows["points"], 1))
+        return counts
 
     @cached_property
     def first_contacts(self) -> dict[str, FirstContact]:
         """The first contact of each arm that touched the target, by side."""
-        met = self.log.event("meeting")
-        found = {}
+        if self.log.touches:
+            return {touch.side: self._exact(touch) for touch in self.log.touches}
+        met, found = self.log.event("meeting"), dict[str, FirstContact]()
         for index, side in enumerate(SIDES):
             frames = np.flatnonzero(self.contact_pairs[:, index])
             by_event = met is not None and met.by.startswith(f"{side}_") and met.by not in self.meta.objects
@@ -127,11 +137,16 @@ class Interception:
                 time=time,
                 resolution=resolution,
                 centroid=self.contact_centroids[frame, index],
-                pairs=int(self.contact_pairs[frame, index]),
+                points=int(self.contact_points[frame, index]),
                 tcp=pose_at(self.log.times, self.log.tcp[:, index], time),
                 target=pose_at(self.log.times, self.target, time),
             )
         return found
+
+    def _exact(self, touch: Touch) -> FirstContact:
+        time = touch.step / self.rate
+        point, tcp, target = (np.array(values) for values in (touch.point, touch.tcp, touch.target))
+        return FirstContact(touch.side, touch.step, time, 1, point, touch.points, tcp, target)
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:

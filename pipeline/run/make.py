@@ -20,6 +20,8 @@ from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.state_log import StateLog
 from pipeline.data.visuals import Visuals
+from pipeline.motion.interception import Interception
+from pipeline.motion.interception_group import physics_arrays
 from pipeline.run.state import IMAGES, SlotState
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.render import Appearance, Sensors, appearance_of, capture, keep, visuals_of
@@ -65,7 +67,16 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         physics_key=keys.physics.digest,
         render_key=keys.render.digest,
     )
-    return Episode(scene.spec, rollout.replay.log, rollout.motion.to_json(), sentences(scene, recipe.instructions), meta)
+    log = rollout.replay.log
+    derived = Interception(meta, log, rollout.motion, log.pose(task.target))
+    return Episode(
+        scene.spec,
+        log,
+        rollout.motion.to_json(),
+        sentences(scene, recipe.instructions),
+        meta,
+        interception=physics_arrays(derived, scene.condition_history(log)),
+    )
 
 
 def sentences(scene: Scene, count: int) -> dict[str, list[str]]:

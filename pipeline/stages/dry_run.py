@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.state_log import SkillRun
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.failure import Failure, failing_as, no_success
 from pipeline.stages.scene import Scene, rest
@@ -31,7 +32,8 @@ FIRST = Variation()
 class DryRun:
     """What the replay needs: the commands of the first half (M,A), when the meeting happened (s), what was in which hand then,
     and the sweep: poses (S,B,7) of all bodies at 60 Hz over the first half, in the order of `names`. `approach` is the direction
-    (3,) from which the hand went in to grasp the target, None where the meeting is no grasp; `skills` counts those of `meet`."""
+    (3,) from which the hand went in to grasp the target, None where the meeting is no grasp; `skills` counts those of `meet`, whose
+    `runs` are on the same clock as the commands."""
 
     commands: NDArray[np.float64]
     velocities: NDArray[np.float64]
@@ -42,6 +44,7 @@ class DryRun:
     steps: int
     approach: NDArray[np.float64] | None
     skills: int = 0
+    runs: Sequence[SkillRun] = ()
 
 
 def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
@@ -63,7 +66,7 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
             if actor.simulation.touched_by:
                 raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
             actor.perform(skill)
-        half = len(actor.stream.commands)
+        half, runs = len(actor.stream.commands), actor.skills
         held, sweep, actor.sweeping = dict(actor.held), np.array(actor.sweep), False
         approach = actor.approaches.get(task.target)
         actor.avoid.clear()
@@ -72,10 +75,12 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
             raise Failure(STAGE, "no_meeting", f"nothing touched the {task.target}")
         if meeting < last_began:
             raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
+        actor.half = "finish"
         for skill in task.finish(actor):
             actor.perform(skill)
         rest(actor, task)
         if conditions := failed(scene.conditions(actor.recorder.log())):
             raise no_success(STAGE, conditions)
     commands, velocities = np.array(actor.stream.commands), np.array(actor.stream.velocities)
-    return DryRun(commands[:half], velocities[:half], meeting, held, sweep, actor.simulation.names, actor.steps, approach, skills)
+    first, names = (commands[:half], velocities[:half], meeting, held, sweep), actor.simulation.names
+    return DryRun(*first, names, actor.steps, approach, skills, runs)

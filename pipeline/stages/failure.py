@@ -35,8 +35,8 @@ def failing_as(stage: str, actor: Actor) -> Iterator[None]:
         yield
     except PlanFailure as plan:
         failure = Failure(stage, plan.reason, str(plan))
-        failure.steps, failure.log = actor.steps, actor.recorder.log()
+        failure.steps, failure.log = actor.steps, actor.log()
         raise failure from plan
     except Failure as failure:
-        failure.steps, failure.log = actor.steps, actor.recorder.log()
+        failure.steps, failure.log = actor.steps, actor.log()
         raise

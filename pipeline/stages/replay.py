@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pipeline.data.names import SIDES
 from pipeline.data.state_log import Event, StateLog
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.stages.dry_run import DryRun
@@ -27,12 +28,12 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     clutter_touched.
     """
     actor = scene.start(motion, fps, STAGE)
+    actor.recorder.watched = SIDES
     with failing_as(STAGE, actor):
-        for command, velocity in zip(dry.commands, dry.velocities, strict=True):
-            actor.advance(command, velocity)
+        actor.play(dry.commands, dry.velocities, dry.runs)
         if not actor.simulation.touched_by:
             raise Failure(STAGE, "missed", f"nothing touched the {scene.task.target} at the meeting")
-        actor.held = dict(dry.held)
+        actor.held, actor.half = dict(dry.held), "finish"
         for skill in scene.task.finish(actor):
             actor.perform(skill)
         rest(actor, scene.task)
@@ -42,4 +43,4 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         if touched := scene.touched_distractor(actor.recorder.log()):
             raise Failure(STAGE, "clutter_touched", f"something touched {touched}")
     actor.recorder.extra.append(Event("success", since))
-    return Replay(actor.recorder.log(), actor.steps)
+    return Replay(actor.log(), actor.steps)

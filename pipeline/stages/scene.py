@@ -80,6 +80,12 @@ class Scene:
         """The success conditions of the task at the end of the log, by name."""
         return self.task.conditions(self.outcome(log), self.arms)
 
+    def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
+        """Which success conditions (T,) hold at the end of the log cut after each frame, by name."""
+        outcome = self.outcome(log)
+        rows = [self.task.conditions(outcome.until(frames), self.arms) for frames in range(1, len(log) + 1)]
+        return {name: np.array([row[name] for row in rows], bool) for name in rows[-1]}
+
     def succeeded(self, log: StateLog) -> bool:
         """Whether all success conditions of the task hold at the end of the log."""
         return not failed(self.conditions(log))

@@ -1,9 +1,11 @@
 """Turns a running simulation into a state log at the recording rate."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
+from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog, Touch
 from pipeline.world.robots.contract import SIDES
 from pipeline.world.simulation import PHYSICS_HZ, Simulation
 
@@ -15,7 +17,8 @@ class Recorder:
     """Call `before_step` ahead of every physics step and `after_step` behind it; `log` is the episode so far.
 
     Frame k is the state after 16 k steps (at 15 Hz over 240 Hz); its action is the command of the interval's last step.
-    Raises ValueError when `fps` does not divide the physics rate.
+    The first contacts of the arms in `watched`, none at first, with the target are noted to the physics step, which takes 30 us a
+    step until all have touched it. Raises ValueError when `fps` does not divide the physics rate.
     """
 
     def __init__(self, simulation: Simulation, fps: int = 15) -> None:
@@ -25,8 +28,10 @@ class Recorder:
         self._every = PHYSICS_HZ // fps
         self._rows: list[tuple[NDArray[np.float64], ...]] = []
         self._actions: list[NDArray[np.float64]] = []
-        self._contacts: list[tuple[int, int, int, float, NDArray[np.float64]]] = []
-        self._open: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
+        self._contacts: list[tuple[int, int, int, float, NDArray[np.float64], int]] = []
+        self._open: dict[tuple[int, int], tuple[float, NDArray[np.float64], int]] = {}
+        self._first = dict[str, Touch]()
+        self.watched: tuple[str, ...] = ()
         self.extra: list[Event] = []
         self._capture()
 
@@ -34,17 +39,28 @@ class Recorder:
         """Note contacts and, at the end of an interval, the frame."""
         s = self.simulation
         if s.steps % CONTACT_EVERY == 0 or s.steps == s.touched_at:
-            for a, b, impulse, point in s.contacts():
+            for a, b, impulse, point, points in s.contacts():
                 if impulse > self._open.get((a, b), (0.0, None))[0]:
-                    self._open[a, b] = (impulse, point)
+                    self._open[a, b] = (impulse, point, points)
+        if len(self._first) < len(self.watched):
+            self._watch()
         if s.steps % self._every == 0:
             self._actions.append(np.array(s.command))
             self._capture()
 
+    def _watch(self) -> None:
+        """Note the first contact with the target of the arms that are watched."""
+        s = self.simulation
+        for side, points in s.target_contacts().items():
+            if side in self.watched and side not in self._first:
+                centre = tuple(math.fsum(axis) / len(points) for axis in points.T)
+                poses = tuple(tuple(map(float, pose)) for pose in (s.tcp(side), s.pose(s.target)))
+                self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
+
     def _capture(self) -> None:
         s = self.simulation
         frame = len(self._rows)
-        self._contacts += [(frame, a, b, impulse, point) for (a, b), (impulse, point) in sorted(self._open.items())]
+        self._contacts += [(frame, *pair, *strongest) for pair, strongest in sorted(self._open.items())]
         self._open = {}
         qpos, qvel = s.qpos()
         tcp = np.stack([s.tcp(side) for side in SIDES])
@@ -67,6 +83,7 @@ class Recorder:
             action=np.array(actions),
             tcp=tcp,
             target_velocity=velocity,
-            contacts=np.array([(f, a, b, i, p) for f, a, b, i, p in self._contacts], dtype=CONTACT_DTYPE),
+            contacts=np.array(self._contacts, dtype=CONTACT_DTYPE),
             events=sorted([*s.events, *self.extra], key=lambda e: e.time),
+            touches=[self._first[side] for side in SIDES if side in self._first],
         )

@@ -102,6 +102,7 @@ class Simulation:
         self.names = (*(b.name for b in self.bodies), *self._link_names, "table")
         solids = [*map(physical, self._entities.values()), *(x for side in SIDES for x in links[side]), table]
         self._index = {component: i for i, component in enumerate(solids)}
+        self._side_of: dict[Any, str] = {link: side for side in SIDES for link in links[side]}
         riders = {b.name for b in self.bodies if b.inside == target}
         touchers = (self._free - riders).union(self._link_names)
         self._touchers = {component for component, name in zip(solids, self.names, strict=True) if name in touchers}
@@ -250,11 +251,24 @@ class Simulation:
         """Measured tcp pose (7,) of one arm."""
         return compose(_array(self._hands[side].pose), self.embodiment.arms[side].tcp)
 
-    def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64]]]:
-        """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,)."""
+    def target_contacts(self) -> dict[str, NDArray[np.float64]]:
+        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; sides that do not are left out."""
+        found: dict[str, list[list[float]]] = {}
+        for contact in self._scene.get_contacts():
+            a, b = contact.bodies
+            if a is not self._moved and b is not self._moved:
+                continue
+            side = self._side_of.get(b if a is self._moved else a)
+            points = [p.position.tolist() for p in contact.points if p.impulse.any()] if side and _pushes(contact) else []
+            if side and points:
+                found.setdefault(side, []).extend(points)
+        return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
+
+    def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64], int]]:
+        """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,), points."""
         # A pair of bodies may touch with many pieces, and SAPIEN lists them in no fixed order: the strongest is the pair's contact.
         # Plain floats: there are a dozen pairs with four points each, where numpy takes five times as long.
-        found: dict[tuple[int, int], tuple[float, tuple[float, ...]]] = {}
+        found: dict[tuple[int, int], tuple[float, tuple[float, ...], int]] = {}
         for contact in self._scene.get_contacts():
             first, second = contact.bodies
             a, b = self._index.get(first), self._index.get(second)
@@ -267,5 +281,5 @@ class Simulation:
             if strength > _TOUCH_IMPULSE and strength >= found.get(pair, (0.0,))[0]:
                 at = [p.position.tolist() for p, push in zip(points, pushes, strict=True) if any(push)]
                 mean = tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True))
-                found[pair] = max(found.get(pair, (0.0, ())), (strength, mean))
-        return [(a, b, impulse, np.array(point)) for (a, b), (impulse, point) in sorted(found.items())]
+                found[pair] = max(found.get(pair, (0.0, (), 0)), (strength, mean, len(at)))
+        return [(a, b, impulse, np.array(point), n) for (a, b), (impulse, point, n) in sorted(found.items())]

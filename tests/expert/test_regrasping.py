@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.data.state_log import SkillRun
 from pipeline.expert.actor import Actor
 from pipeline.expert.budgets import SEAT
 from pipeline.expert.regrasping import find_seats, promising, regrasp
@@ -57,6 +58,8 @@ def test_the_first_skill_that_can_be_planned_is_taken(actor: Actor) -> None:
     assert actor.simulation.steps > 0
     with pytest.raises(PlanFailure, match="unreachable"):
         actor.perform(first_of(move("right", FAR), move("right", FAR)))
+    # what could not be planned is not noted
+    assert actor.skills == [SkillRun("lift", ("right",), "", "", "meet", 0, actor.simulation.steps)]
 
 
 def test_skills_in_turn_are_planned_one_after_the_other(actor: Actor) -> None:
@@ -64,6 +67,10 @@ def test_skills_in_turn_are_planned_one_after_the_other(actor: Actor) -> None:
     assert actor.held == {"right": "block"} and actor.pose("block")[2] > TABLE_TOP + 0.03
     actor.perform(in_turn(open_("right")))
     assert not actor.held
+    taking, lifting, opening = actor.skills
+    assert [run.skill for run in actor.skills] == ["grasp", "lift", "open"]
+    assert {run.body for run in actor.skills} == {"block"}
+    assert 0 == taking.start < taking.end == lifting.start < lifting.end == opening.start < opening.end == actor.simulation.steps
 
 
 def test_jaws_come_in_less_wide_where_they_do_not_fit() -> None:

@@ -24,8 +24,8 @@ def facts(tmp_path):
 
 def touching(facts, rows, events):
     """The same episode with other contacts, (frame, a, b, point), and events."""
-    table = np.array([(f, a, b, 0.1, p) for f, a, b, p in rows], CONTACT_DTYPE)
-    return interception(replace(facts, log=replace(facts.log, contacts=table, events=events)))
+    table = np.array([(f, a, b, 0.1, p, 3) for f, a, b, p in rows], CONTACT_DTYPE)
+    return interception(replace(facts, log=replace(facts.log, contacts=table, events=events, touches=[])))
 
 
 def test_steps_times_and_the_planned_meeting(facts):
@@ -42,7 +42,7 @@ def test_the_arm_of_the_meeting_is_known_to_the_step_and_the_other_to_the_frame(
     rows = [(6, target, left, (1, 2, 3)), (8, target, right, (4, 5, 6)), (9, left, right, (0, 0, 0))]
     found = touching(facts, rows, [Event("meeting", met, "left_hand")])
     first = found.first_contacts
-    assert [(c.side, c.step, c.resolution, c.pairs) for c in first.values()] == [("left", 84, 1, 1), ("right", 128, 16, 1)]
+    assert [(c.side, c.step, c.resolution, c.points) for c in first.values()] == [("left", 84, 1, 3), ("right", 128, 16, 3)]
     assert first["left"].centroid.tolist() == [1, 2, 3] and first["right"].centroid.tolist() == [4, 5, 6]
     np.testing.assert_allclose(first["left"].target[0], facts.target[0, 0] + SPEED * met)
     np.testing.assert_allclose(first["left"].tcp[2], 0.95 - 0.1 * met)
@@ -62,7 +62,7 @@ def test_what_is_held_is_what_travels_with_the_hand(facts, travel, wanted):
     path = np.repeat(pose((0, 0, 0.8))[None], len(log), 0)
     path[:, 2] += travel * log.times
     hands = np.stack([path, path + np.array([1.0, 0, 0, 0, 0, 0, 0])], axis=1)
-    rows = np.array([(f, 0, 2, 0.1, (0, 0, 0)) for f in range(4, len(log))], CONTACT_DTYPE)
+    rows = np.array([(f, 0, 2, 0.1, (0, 0, 0), 1) for f in range(4, len(log))], CONTACT_DTYPE)
     found = interception(replace(facts, target=path, log=replace(log, tcp=hands, contacts=rows)))
     # frames 4, 5 and 6 fill the window of 0.2 s
     assert found.held[:, 0].tolist() == [False] * 6 + [wanted] * 7

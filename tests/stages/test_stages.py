@@ -213,6 +213,7 @@ def test_an_accepted_replay_repeats_and_its_plan_is_the_dry_runs(prepared):
     assert first.log.poses.tobytes() == second.log.poses.tobytes()
     assert first.log.contacts.tobytes() == second.log.contacts.tobytes()
     assert first.log.events == second.log.events
+    assert (first.log.skills, first.log.touches) == (second.log.skills, second.log.touches)
     frames = len(dry.commands) // 16
     np.testing.assert_array_equal(first.log.action[:frames], dry.commands[15::16][:frames])
     assert first.steps >= len(dry.commands)
@@ -242,3 +243,44 @@ def four_frames(scene):
         s.step(s.home_vector(), np.zeros(len(s.command)))
         recorder.after_step()
     return recorder.log()
+
+
+def test_the_runs_of_skills_are_those_of_the_replay(prepared):
+    scene, dry = prepared
+    log = replay(scene, dry, back_calculate(scene, dry, camera="D435", lead=0.0, speed_bound="average"), 15).log
+    closing, pressing, lifting = log.skills
+    arm = scene.arms["arm"]
+    assert [(run.skill, run.body, run.part, run.half) for run in log.skills] == [
+        *(("close", "", "", "meet"), ("press", "bell", "button", "meet"), ("lift", "", "", "finish"))
+    ]
+    assert {run.arms for run in log.skills} == {(arm,)}
+    # the arm first moves in the step after the jaws have closed, and the first half ends with the press
+    still = np.abs(np.delete(dry.commands - dry.commands[0], [6, 13], 1)).max(1) < 1e-12
+    assert (closing.start, pressing.start) == (0, closing.end) and int(np.argmin(still)) == closing.end
+    assert dry.commands[closing.end - 1, [6, 13][SIDES.index(arm)]] == 0.0
+    assert pressing.end == lifting.start == len(dry.commands)
+    # frames lie 16 steps apart: the commands rise by 6 cm from the last frame before the lift to the first one after it
+    first, last = lifting.start // 16, -(-lifting.end // 16)
+    height = log.tcp[:, SIDES.index(arm), 2]
+    assert height[last + 2] - height[first] == pytest.approx(0.06, abs=0.01)
+
+
+def test_a_first_touch_is_the_first_of_all_steps(prepared):
+    scene, dry = prepared
+    motion = back_calculate(scene, dry, camera="D435", lead=0.0, speed_bound="average")
+    (touch,) = replay(scene, dry, motion, 15).log.touches
+    actor = scene.start(motion, 15, "replay")
+    for command, velocity in zip(dry.commands, dry.velocities, strict=True):
+        actor.advance(command, velocity)
+        s = actor.simulation
+        rows = [row for row in s.contacts() if s.names[row[0]] == "bell" and s.names[row[1]].startswith(("left_", "right_"))]
+        if rows:
+            break
+    assert touch.step == s.steps == round(next(e.time for e in s.events if e.name == "meeting") * 240)
+    assert touch.side == scene.arms["arm"] and s.names[rows[0][1]].startswith(touch.side)
+    np.testing.assert_array_equal(touch.tcp, s.tcp(touch.side))
+    np.testing.assert_array_equal(touch.target, s.pose("bell"))
+    points = sum(row[4] for row in rows)
+    mean = sum(row[4] * row[3] for row in rows) / points
+    assert touch.points == points
+    np.testing.assert_allclose(touch.point, mean, atol=1e-12)

@@ -35,7 +35,7 @@ def outcome(can=None, contacts=(), gripper=(1.0, 1.0), events=(), command=None, 
     action = state.copy()
     if command is not None:
         action[:, vector.index("left_gripper")] = command
-    rows = [(frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point) for frame, a, b, point in contacts]
+    rows = [(frame, *sorted((NAMES.index(a), NAMES.index(b))), 0.1, point, 1) for frame, a, b, point in contacts]
     log = StateLog(
         times=np.arange(FRAMES) / 15,
         bodies=NAMES,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import MOVE
 from pipeline.expert.grasping import hand_poses
 from pipeline.expert.skills.moving import reach
@@ -17,6 +17,7 @@ Towards = Callable[[Pose], NDArray[np.float64]]
 """Poses (M,7) of the other body for one pose (7,) of the first."""
 
 
+@skill(arms=("side", "other"))
 def face(side: str, poses: ArrayLike, other: str, towards: Towards) -> Skill:
     """Carry the body that arm `side` holds to one of `poses` (N,7), and what arm `other` holds to one of the poses `towards` it.
 

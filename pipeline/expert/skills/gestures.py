@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import POUR, SPEEDS
 from pipeline.expert.hand_geometry import hand_boxes
 from pipeline.planning.failure import PlanFailure
@@ -14,6 +14,7 @@ from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Pose, compose, inverse, quat_about, quat_multiply, quat_rotate, transform
 
 
+@skill()
 def pour(side: str, upright: ArrayLike, tipped: ArrayLike, *, sway: float = POUR.sway, speed: float = 1.0) -> Skill:
     """Bring the held body to one of the poses `upright` (N,7), then tip it, all joints at an even pace, to one of `tipped` (M,7).
 
@@ -88,6 +89,7 @@ def _pour_costs(a: Actor, side: str, hold: Pose, bodies: NDArray[np.float64]) ->
     return POUR.room_weight * missing + POUR.lever_weight * lever + POUR.level_weight * (1 - down[:, 2])
 
 
+@skill()
 def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: float = SPEEDS.swing_scale) -> Skill:
     """Turn the hand about an axis of its own tcp frame by `angle` rad while it rises by `rise` m.
 

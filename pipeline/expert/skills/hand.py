@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import GRASP, SPEEDS, TIMING
 from pipeline.expert.grasping import GraspOptions, plan_grasp
 from pipeline.planning.trajectory import ArmTrajectory
@@ -30,6 +30,7 @@ def wider(a: Actor, side: str, by: float) -> float:
     return min(1.0, measured + by / gripper.max_opening)
 
 
+@skill()
 def close(side: str) -> Skill:
     """Close the gripper."""
 
@@ -39,6 +40,7 @@ def close(side: str) -> Skill:
     return act
 
 
+@skill()
 def open_(side: str, by: float | None = None) -> Skill:
     """Open the gripper, all the way or only `by` m wider than it is measured to be; whatever it held is let go."""
 
@@ -49,6 +51,7 @@ def open_(side: str, by: float | None = None) -> Skill:
     return act
 
 
+@skill(body="name", part="kinds")
 def grasp(
     side: str,
     name: str,
@@ -75,6 +78,7 @@ def grasp(
     return act
 
 
+@skill()
 def pause(side: str, seconds: float) -> Skill:
     """Hold still, for what was poured to run out."""
 

@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import GRASP, HAND_OVER
 from pipeline.expert.grasping import GraspOptions, backed_off, can_take_over, hand_poses
 from pipeline.expert.skills.hand import grasp
@@ -15,6 +15,7 @@ from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Pose
 
 
+@skill(arms=("giver", "receiver"), part="kinds")
 def hand_over(
     giver: str,
     receiver: str,

@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import MOVE, SPEEDS
 from pipeline.expert.grasping import backed_off, hand_poses, lifted
 from pipeline.planning.failure import PlanFailure
@@ -17,6 +17,7 @@ from pipeline.poses import Pose
 _STEP_OFF_DIRECTIONS = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
 
 
+@skill()
 def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
     """Bring the tcp to the first of `poses` (N,7) or (7,) that can be reached without touching anything.
 
@@ -29,6 +30,7 @@ def move(side: str, poses: ArrayLike, *, speed: float = 1.0) -> Skill:
     return act
 
 
+@skill()
 def carry(side: str, bodies: ArrayLike, *, speed: float = 1.0, room: float = 0.0) -> Skill:
     """Bring the held body to the first of the poses `bodies` (N,7) or (7,) that can be reached without touching anything.
 
@@ -60,6 +62,7 @@ def reach(arm: ArmPlanner, poses: NDArray[np.float64], *, speed_scale: float = 1
     raise PlanFailure("path_blocked", f"the {arm.side} arm finds no free path to {len(poses)} poses")
 
 
+@skill()
 def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: float = SPEEDS.lift) -> Skill:
     """Move the tcp straight up without turning it, by less (the share `least` at least) where the arm cannot go higher."""
 
@@ -71,6 +74,7 @@ def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: flo
     return act
 
 
+@skill()
 def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill:
     """As `lift`, up to where the arm and what it holds still touch nothing, so that a free motion can begin there."""
 
@@ -99,6 +103,7 @@ def _lifts(arm: ArmPlanner, start: Pose, height: float, least: float = 0.0) -> I
         raise PlanFailure("line_unreachable", f"the {arm.side} arm cannot lift by {height} m")
 
 
+@skill()
 def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
     """Move the hand straight by a vector (3,) of the world without turning it, at least 80 % of the distance where the arm ends."""
 
@@ -115,6 +120,7 @@ def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
     return act
 
 
+@skill()
 def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Skill:
     """Draw the hand straight back along its approach axis, by less (20 % at least) or straight up where the arm cannot reach."""
 
@@ -131,6 +137,7 @@ def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Ski
     return act
 
 
+@skill()
 def home(side: str) -> Skill:
     """Return the arm to its home joints; where it finds no path, it first steps off, or rises, and stays there as a last resort."""
 

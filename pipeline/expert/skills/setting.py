@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import PLACE, PRESS, SPEEDS, TIMING
 from pipeline.expert.grasping import backed_off, hand_poses, lifted
 from pipeline.expert.hand_geometry import fingertip_reach
@@ -63,6 +63,7 @@ def _approaches(
     return sorted(found, key=lambda x: float(np.linalg.norm(x.line[0] - arm.q)) + PLACE.height_weight * (1 - x.height / above))
 
 
+@skill(part="point")
 def place(
     side: str,
     point: str,
@@ -115,6 +116,7 @@ def place(
     return act
 
 
+@skill(body="body", part="part")
 def press(
     side: str,
     spot: Pose,
@@ -123,8 +125,11 @@ def press(
     depth: float = PRESS.depth,
     speed: float = SPEEDS.press,
     pitches: Sequence[float] = PRESS.pitches,
+    body: str = "",
+    part: str = "",
 ) -> Skill:
     """Touch the frame `spot` from above with the closed fingertips: over it at `above` m, then straight down, `depth` m beyond.
+    `body` and `part` name what is pressed, for the record.
 
     They stop where they touch the target: an arm that is driven on throws what stands under it over.
     """

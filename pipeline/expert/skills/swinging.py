@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.expert.actor import Actor, MotionStep, Skill
+from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import SPEEDS, SWING
 from pipeline.expert.grasping import hand_poses, lifted
 from pipeline.planning.failure import PlanFailure
@@ -32,6 +32,7 @@ class _Swing:
     across: Floats
 
 
+@skill()
 def shake(side: str, times: int, *, rise: float = 0.03) -> Skill:
     """Swing the hand `times` times from side to side about a level or nearly level axis.
 
@@ -63,6 +64,7 @@ def shake(side: str, times: int, *, rise: float = 0.03) -> Skill:
     return act
 
 
+@skill()
 def rock(
     side: str,
     bodies: ArrayLike,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.data.cameras import cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.names import SIDES
-from pipeline.data.state_log import CONTACT_DTYPE
+from pipeline.data.state_log import as_contacts
 from pipeline.run.verify.tally import FAULTS, Finding, line, seen
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
@@ -88,7 +88,7 @@ def _twice(file: EpisodeFile, arrays: dict[str, NDArray[Any]]) -> Iterator[tuple
 
 def _contacts(name: str, file: EpisodeFile) -> Iterator[Finding]:
     try:
-        rows = file.array("state/contacts").astype(CONTACT_DTYPE, casting="safe")
+        rows = as_contacts(file.array("state/contacts"))
     except FAULTS as error:
         yield Finding("arrays", f"{name}: state/contacts: {line(error)}")
         return

@@ -34,7 +34,7 @@ class ClickAlarmclock(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("clock", "button"))
+        yield press(a.arms["arm"], a.frame("clock", "button"), body="clock", part="button")
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.06)

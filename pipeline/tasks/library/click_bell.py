@@ -34,7 +34,7 @@ class ClickBell(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("bell", "button"))
+        yield press(a.arms["arm"], a.frame("bell", "button"), body="bell", part="button")
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.06)

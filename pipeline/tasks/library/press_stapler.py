@@ -34,7 +34,7 @@ class PressStapler(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("stapler", "press"))
+        yield press(a.arms["arm"], a.frame("stapler", "press"), body="stapler", part="press")
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         yield lift(a.arms["arm"], 0.06)

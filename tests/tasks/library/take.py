@@ -129,7 +129,7 @@ class Take:
         for side in SIDES:
             state[:, vector.index(f"{side}_gripper")] = self.measured[side]
             action[:, vector.index(f"{side}_gripper")] = self.commanded[side]
-        rows = [(f, *sorted((self.names.index(a), self.names.index(b))), 0.1, point) for f, a, b, point in self.contacts]
+        rows = [(f, *sorted((self.names.index(a), self.names.index(b))), 0.1, point, 1) for f, a, b, point in self.contacts]
         log = StateLog(
             times=np.arange(FRAMES) / 15,
             bodies=self.names,

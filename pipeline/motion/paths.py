@@ -1,0 +1,33 @@
+"""Where the target goes next: its path in the world and its trace in an image, for a horizon ahead of every frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
+
+NEAREST = 0.01  # m before a camera
+
+
+def ahead(frames: int, horizon: int) -> NDArray[np.int64]:
+    """(T,H) frames t+1 to t+horizon, the last frame standing for those after it."""
+    return np.minimum(np.arange(frames)[:, None] + np.arange(1, horizon + 1), frames - 1)
+
+
+def path_ahead(positions: NDArray[np.float64], horizon: int) -> NDArray[np.float64]:
+    """(T,H,3) positions (m, world) of the next `horizon` frames, from those of every frame (T,3)."""
+    return positions[ahead(len(positions), horizon)]
+
+
+def trace_ahead(
+    camera: CameraType, camera_poses: NDArray[np.float64], positions: NDArray[np.float64], horizon: int
+) -> NDArray[np.float64]:
+    """(T,H,3) columns and rows (pixels) and depths (m) of the next positions as the camera sees them from where it is now.
+
+    Points outside of the image keep their coordinates; those that are not at least 1 cm before the camera are zeros.
+    """
+    e = extrinsics_cv(camera_poses)
+    seen = np.einsum("tij,thj->thi", e[..., :3], path_ahead(positions, horizon)) + e[:, None, :, 3]
+    depth = seen[..., 2:]
+    front = depth > NEAREST
+    pixels = (seen @ intrinsics(camera).T)[..., :2] / np.where(front, depth, 1.0)
+    return np.where(front, np.concatenate([pixels, depth], axis=-1), 0.0)
