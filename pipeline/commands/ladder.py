@@ -37,7 +37,7 @@ def ladder(
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk and how many are executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each kind.")] = 3,
-    epochs: Annotated[int, typer.Option(min=1, help="Passes over the demonstrations.")] = 80,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of training, of 256 frames each.")] = 5000,
     back: Annotated[int, typer.Option(min=1, help="How many frames back two_frames looks.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per task and level.")] = 20,
     executor: Executor = "auto",
@@ -53,15 +53,16 @@ def ladder(
     from pipeline.data.dataset import Dataset
     from pipeline.evaluate.ladder.features import INPUTS
     from pipeline.evaluate.ladder.network import Settings
+    from pipeline.evaluate.ladder.tables import table
     from pipeline.run.evaluation import evaluation_version, runner
     from pipeline.run.keys import code_version
-    from pipeline.run.ladder import Ladder, climb, table
+    from pipeline.run.ladder import Ladder, climb
 
     kinds = tuple(listed(inputs) or INPUTS)
     if unknown := [name for name in kinds if name not in INPUTS]:
         raise UsageError(f"--inputs {unknown[0]!r} is unknown: choose from {', '.join(INPUTS)}")
     recipe = recipe_of(None, tasks=tasks, embodiments=embodiment, levels=levels, alpha=alpha, episodes=demonstrations)
-    settings = Settings(epochs=epochs, back=back)
+    settings = Settings(steps=steps, back=back)
     wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version(), code_version())
     if data is not None:
         Dataset(data).recipe()  # refused before anything is made

@@ -10,24 +10,19 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.atomic import write_atomic
-from pipeline.data.errors import DominoError
 from pipeline.data.recipe import Recipe
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.evaluate import evaluate as run_evaluation
-from pipeline.evaluate.intervals import wilson
 from pipeline.evaluate.ladder.demonstrations import Demonstration, made, stored
-from pipeline.evaluate.ladder.features import State, chunks, features, target_first
-from pipeline.evaluate.ladder.network import Floats, Settings, train
+from pipeline.evaluate.ladder.network import Settings
 from pipeline.evaluate.ladder.policy import LadderForm
+from pipeline.evaluate.ladder.samples import LadderError, samples
+from pipeline.evaluate.ladder.tables import summary
+from pipeline.evaluate.ladder.training import train
 from pipeline.evaluate.protocol import Runner
-from pipeline.world.robots import get_embodiment
 
 Row = dict[str, Any]
-
-
-class LadderError(DominoError):
-    """A ladder that cannot be trained."""
 
 
 @dataclass(frozen=True)
@@ -71,60 +66,6 @@ def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = 
     return summary(rows)
 
 
-def summary(rows: Sequence[Row]) -> list[Row]:
-    """Rows of all seeds of a network together: successes of episodes, with Wilson's interval over the episodes, and the success
-    rate of each seed."""
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[key] for key in KEYS), []).append(row)
-    out = []
-    for key, group in groups.items():
-        solved, episodes = sum(r["solved"] for r in group), sum(r["episodes"] for r in group)
-        low, high = wilson(solved, episodes)
-        numbers = {"success_rate": 100 * solved / episodes, "success_interval": [100 * low, 100 * high]}
-        by_seed = [100 * r["solved"] / r["episodes"] for r in group]
-        out.append(dict(zip(KEYS, key, strict=True)) | {"solved": solved, "episodes": episodes, **numbers, "by_seed": by_seed})
-    return out
-
-
-KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations")
-
-
-def table(rows: Sequence[Row]) -> str:
-    """Markdown: networks down, levels across, per cent solved with its interval."""
-    levels = sorted({row["level"] for row in rows})
-    lines = [f"| task | input | chunk | executed | {' | '.join(f'level {n}' for n in levels)} |"]
-    lines.append("|---|---|---:|---:|" + "---:|" * len(levels))
-    for key in dict.fromkeys((r["task"], r["inputs"], r["chunk"], r["execute"]) for r in rows):
-        found = {r["level"]: r for r in rows if (r["task"], r["inputs"], r["chunk"], r["execute"]) == key}
-        cells = [_cell(found[n]) if n in found else "-" for n in levels]
-        lines.append(f"| {' | '.join(map(str, (*key, *cells)))} |")
-    return "\n".join(lines)
-
-
-def _cell(row: Row) -> str:
-    low, high = row["success_interval"]
-    return f"{row['success_rate']:.0f} ({low:.0f}-{high:.0f})"
-
-
-def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats, Floats]:
-    """Features (N,F) and chunks (N,H,A) of all frames. Raises LadderError where demonstrations have different bodies."""
-    x, y = list[Floats](), list[Floats]()
-    grippers = [i for i, name in enumerate(_names(shown[0])) if name.endswith("gripper")]
-    bodies = set(shown[0].bodies)
-    for d in shown:
-        if set(d.bodies) != bodies:
-            raise LadderError(f"{d.cell.task}: scenes have different bodies, which a network of a fixed size cannot see")
-        poses = d.poses[:, target_first(d.bodies, d.target)]
-        x.append(features(State(d.joints, d.tools, poses, d.velocity), settings.inputs, settings.back)[:-1])
-        y.append(chunks(d.joints, d.actions, settings.chunk, grippers))
-    return np.concatenate(x), np.concatenate(y)
-
-
-def _names(shown: Demonstration) -> tuple[str, ...]:
-    return get_embodiment(shown.cell.embodiment).vector_names
-
-
 def _demonstrations(ladder: Ladder, task: str, out: Path, run: Runner) -> Iterator[Demonstration]:
     recipe = ladder.recipe.model_copy(update={"tasks": (task,)})
     if ladder.data is None:
@@ -136,7 +77,7 @@ def _network(shown: Sequence[Demonstration], settings: Settings, where: Path) ->
     """The file of a trained network, trained if it is not there: its name carries a hash of settings and demonstrations."""
     digest = hashlib.sha256(repr(asdict(settings)).encode())
     for d in shown:
-        for values in (d.joints, d.actions, d.poses):
+        for values in (d.joints, d.actions, d.poses, d.points):
             digest.update(np.ascontiguousarray(values).tobytes())
     path = where / f"{settings.inputs}_c{settings.chunk}_s{settings.seed}_{digest.hexdigest()[:8]}.npz"
     if not path.exists():

@@ -1,34 +1,40 @@
 """The sanity ladder: what networks see, what they learn, what is kept of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.data.recipe import Cell
 from pipeline.evaluate.ladder.demonstrations import Demonstration
-from pipeline.evaluate.ladder.features import State, chunks, features, target_first
-from pipeline.evaluate.ladder.network import Network, Settings, train
+from pipeline.evaluate.ladder.features import State, chunks, earlier, features, target_first
+from pipeline.evaluate.ladder.network import Network, Settings
+from pipeline.evaluate.ladder.samples import samples
+from pipeline.evaluate.ladder.training import train
 from pipeline.evaluate.policies import make_policy, policy_name
 from pipeline.evaluate.policy import PolicyError
-from pipeline.run.ladder import samples
 
 RNG = np.random.default_rng(0)
 
 
-def state(frames=4, bodies=2):
+def state(frames=4, bodies=2, points=3):
     poses = RNG.normal(size=(frames, bodies, 7))
     poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
-    return State(RNG.normal(size=(frames, 14)), RNG.normal(size=(frames, 2, 3)), poses, RNG.normal(size=(frames, 3)))
+    tools = RNG.normal(size=(frames, 2, 7))
+    named = RNG.normal(size=(frames, points, 3))
+    return State(RNG.normal(size=(frames, 14)), tools, poses, named, RNG.normal(size=(frames, 3)))
 
 
 def test_only_the_upper_rungs_can_see_velocity():
     s = state()
-    other = State(s.joints, s.tools, s.poses, -s.velocity)
-    assert (features(s, "position") == features(other, "position")).all()
-    assert (features(s, "velocity")[:, -3:] == s.velocity).all()
-    now, two = features(s, "position"), features(s, "two_frames", back=2)
+    before = s.at(earlier(4, 2))
+    other, still = replace(s, velocity=-s.velocity), s.at(earlier(4, 0))
+    assert (features(s, before, "position") == features(other, still, "position")).all()
+    assert (features(s, before, "velocity")[:, -3:] == s.velocity).all()
+    now, two = features(s, before, "position"), features(s, before, "two_frames")
     np.testing.assert_array_equal(two[:, : now.shape[1]], now)
     np.testing.assert_array_equal(two[:, now.shape[1] :], now[[0, 0, 0, 1]])
-    assert now.shape == (4, 14 + 2 * 2 * 3 + 2 * 9)
+    assert now.shape == (4, 14 + 2 * 2 * 3 + 2 * 3 * 3 + 2 * 9)
 
 
 def test_what_is_learnt_are_the_next_actions_as_differences():
@@ -41,19 +47,26 @@ def test_what_is_learnt_are_the_next_actions_as_differences():
 
 
 def test_the_target_comes_first():
-    assert target_first(("pot", "bin", "can"), "can") == [2, 1, 0]
+    assert target_first(("pot", "bin", "can"), "can") == ["can", "bin", "pot"]
+
+
+def test_a_network_takes_one_of_two_ways_not_what_lies_between():
+    x = RNG.normal(size=(600, 2))
+    y = np.where(RNG.random(600) < 0.3, -1.0, 1.0)[:, None, None] + 0.1 * x[:, :1, None]
+    network = train(x, y, Settings(chunk=1, width=32, steps=300, batch=64, rate=1e-2, answers=2))
+    np.testing.assert_allclose(np.abs(network(x) - 0.1 * x[:, :1, None]), 1, atol=0.1)
 
 
 def test_a_network_learns_and_is_the_same_when_read_again(tmp_path):
     x = RNG.normal(size=(400, 3))
     y = np.stack([x[:, :2] * 0.1 + 5, np.zeros((400, 2))], 1)
-    network = train(x, y, Settings(chunk=2, width=32, epochs=30, batch=64))
+    network = train(x, y, Settings(chunk=2, width=32, steps=200, batch=64, rate=3e-3))
     assert np.abs(network(x) - y).mean() < 0.3 * np.abs(y - y.mean(0)).mean()
     path = tmp_path / "n.npz"
     path.write_bytes(network.to_bytes())
     np.testing.assert_array_equal(Network.read(path)(x), network(x))
     assert Network.read(path).settings == network.settings
-    again = train(x, y, Settings(chunk=2, width=32, epochs=30, batch=64))
+    again = train(x, y, Settings(chunk=2, width=32, steps=200, batch=64, rate=3e-3))
     np.testing.assert_array_equal(again(x), network(x))
     with pytest.raises(PolicyError, match="from 1 to 2"):
         make_policy(policy_name(f"ladder:{path}?execute=3"))
@@ -63,14 +76,12 @@ def test_a_network_learns_and_is_the_same_when_read_again(tmp_path):
 
 
 def test_a_demonstration_is_the_same_when_read_again(tmp_path):
-    s = state()
-    shown = Demonstration(
-        Cell("click_bell", "aloha-agilex", 1, 0.1, "clean"), ("a", "b"), "b", s.joints, s.joints, s.tools, s.poses, s.velocity
-    )
+    s, cell = state(), Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
+    shown = Demonstration(cell, ("b", "a"), 3, s.joints, s.joints, s.tools, s.poses, s.points, s.velocity)
     path = tmp_path / "d.npz"
     path.write_bytes(shown.to_bytes())
     again = Demonstration.read(path)
-    assert (again.cell, again.bodies, again.target) == (shown.cell, shown.bodies, shown.target)
-    x, y = samples([again, shown], Settings(inputs="velocity", chunk=3))
+    assert (again.cell, again.bodies, again.untouched) == (shown.cell, shown.bodies, shown.untouched)
+    x, y = samples([again, shown], Settings(inputs="velocity", chunk=3, copies=0))
     assert x.shape[0] == y.shape[0] == 6
     np.testing.assert_array_equal(x[:3], x[3:])

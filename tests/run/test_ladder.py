@@ -9,8 +9,12 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.recipe import Recipe
 from pipeline.evaluate.evaluate import inline
 from pipeline.evaluate.ladder.demonstrations import ARRAYS, SlotJob, fill, stored
+from pipeline.evaluate.ladder.disturb import disturbances, disturbed
 from pipeline.evaluate.ladder.network import Settings
-from pipeline.run.ladder import Ladder, LadderError, climb, summary, table
+from pipeline.evaluate.ladder.samples import LadderError, samples
+from pipeline.evaluate.ladder.tables import summary, table
+from pipeline.planning.planner import planner_for
+from pipeline.run.ladder import Ladder, climb
 
 
 def test_a_datasets_episodes_are_those_made_without_images(built):
@@ -19,10 +23,43 @@ def test_a_datasets_episodes_are_those_made_without_images(built):
     found = list(stored(built, recipe.cells()))
     assert len(found) == len(Dataset(built).accepted(recipe))
     made = fill(SlotJob(recipe, slot))
-    assert (made.cell, made.bodies, made.target) == (found[0].cell, found[0].bodies, found[0].target)
+    assert made is not None
+    assert (made.cell, made.bodies, made.untouched) == (found[0].cell, found[0].bodies, found[0].untouched)
     for name in ARRAYS:
         np.testing.assert_allclose(getattr(found[0], name), getattr(made, name), atol=1e-5)
     assert list(stored(built, [])) == []
+
+
+def test_named_points_move_with_their_body(built):
+    episode = next(stored(built, Dataset(built).recipe().cells()))
+    # the bell's two points (button, top) stand above its origin, wherever it is; pressed, it tilts a little
+    at = episode.points - episode.poses[:, :1, :3]
+    assert episode.bodies == ("bell",) and at.shape[1] == 2
+    np.testing.assert_allclose(at[0, :, :2], 0, atol=1e-6)
+    assert at[..., 2].min() > 0.02 and np.ptp(at[..., 2], 0).max() < 1e-6
+
+
+def test_arms_off_their_path_are_shown_the_way_back(built):
+    episode = next(stored(built, Dataset(built).recipe().cells()))
+    rng = np.random.default_rng(1)
+    offsets = disturbances("aloha-agilex", len(episode.joints), episode.untouched, 0.1, rng)
+    assert not offsets[episode.untouched :].any() and not offsets[:, [6, 13]].any()
+    assert np.abs(offsets[: episode.untouched]).max() > 0.05
+    off = disturbed(episode.state, "aloha-agilex", offsets)
+    planner = planner_for("aloha-agilex")
+    for k, (side, arm) in enumerate((("left", slice(0, 6)), ("right", slice(7, 13)))):
+        # where the tool is, less what the measured pose differs from kinematics
+        was = planner.fk(side, episode.joints[9, arm])[:3] - episode.tools[9, k, :3]
+        np.testing.assert_allclose(planner.fk(side, off.joints[9, arm])[:3] - off.tools[9, k, :3], was, atol=1e-9)
+    plain, more = (samples([episode], Settings(copies=n, chunk=3, spread=0.1))[1] for n in (0, 1))
+    frames = len(plain)
+    np.testing.assert_array_equal(more[:frames], plain)
+    assert len(more) == 2 * frames
+    # the actions are the same, so the differences from the joints are others: but for grippers, and where something is held
+    difference = more[frames:] - plain
+    assert difference[: episode.untouched, :, :6].any() and not difference[episode.untouched :].any()
+    assert not difference[..., [6, 13]].any()
+    np.testing.assert_allclose(difference, difference[:, :1].repeat(3, 1), atol=1e-12)
 
 
 def test_a_task_without_demonstrations_is_named(built, tmp_path):
@@ -42,7 +79,7 @@ def test_seeds_are_summed_up_with_an_interval():
 
 def test_a_small_ladder_end_to_end(tmp_path):
     recipe = Recipe(tasks=("click_bell",), levels=(1,), episodes=2)
-    wanted = Ladder(recipe, ("position", "two_frames"), ((8, 4),), 1, 1, Settings(epochs=1, width=32), code="c")
+    wanted = Ladder(recipe, ("position", "two_frames"), ((8, 4),), 1, 1, Settings(steps=5, width=32), code="c")
     rows = climb(wanted, tmp_path, inline)
     assert [(r["level"], r["inputs"], r["episodes"], r["demonstrations"]) for r in rows] == [
         (1, kind, 1, 2) for kind in ("position", "two_frames")

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,38 +14,51 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode import open_episode
 from pipeline.data.recipe import Cell, Recipe, Slot
 from pipeline.data.state_log import StateLog
+from pipeline.evaluate.ladder.features import State, target_first
 from pipeline.evaluate.protocol import Runner
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
+from pipeline.world.objects import FAMILIES, Family
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """T frames of an accepted episode at the control rate: joints and actions (T,A), tool positions (T,2,3), poses (T,B,7) of the
-    named bodies, and the target's velocity (T,3)."""
+    """T frames of an accepted episode at the control rate: joints and actions (T,A), tool poses (T,2,7), poses (T,B,7) of the
+    bodies, the target first, their named points (T,P,3) in the world, the target's velocity (T,3), and how many frames come
+    before the robot touches the target."""
 
     cell: Cell
     bodies: tuple[str, ...]
-    target: str
+    untouched: int
     joints: Floats
     actions: Floats
     tools: Floats
     poses: Floats
+    points: Floats
     velocity: Floats
 
     @classmethod
-    def of(cls, cell: Cell, log: StateLog, bodies: Sequence[str], target: str) -> "Demonstration":
-        """What a state log holds of it."""
-        poses = np.stack([log.pose(name) for name in bodies], 1)
-        return cls(cell, tuple(bodies), target, log.state, log.action, log.tcp[:, :, :3], poses, log.target_velocity)
+    def of(cls, cell: Cell, log: StateLog, bodies: Mapping[str, Family], target: str) -> "Demonstration":
+        """What a state log holds of the bodies; `bodies` says what each of them is."""
+        names = target_first(bodies, target)
+        state = State.of(log, {name: bodies[name] for name in names})
+        touched = log.time_of("release")
+        untouched = len(log) if touched is None else int(np.searchsorted(log.times, touched))
+        arrays = (state.joints, log.action, state.tools, state.poses, state.points, state.velocity)
+        return cls(cell, tuple(names), untouched, *arrays)
+
+    @property
+    def state(self) -> State:
+        """What networks may see of it."""
+        return State(self.joints, self.tools, self.poses, self.points, self.velocity)
 
     def to_bytes(self) -> bytes:
         """A NumPy archive without pickles."""
         out = io.BytesIO()
         arrays = {name: getattr(self, name) for name in ARRAYS}
-        head = json.dumps({"cell": asdict(self.cell), "bodies": self.bodies, "target": self.target})
+        head = json.dumps({"cell": asdict(self.cell), "bodies": self.bodies, "untouched": self.untouched})
         np.savez_compressed(out, head=np.array(head), **arrays)
         return out.getvalue()
 
@@ -54,10 +67,10 @@ class Demonstration:
         """Inverse of `to_bytes`."""
         with np.load(path, allow_pickle=False) as file:
             head = json.loads(str(file["head"]))
-            return cls(Cell(**head["cell"]), tuple(head["bodies"]), head["target"], *(file[name] for name in ARRAYS))
+            return cls(Cell(**head["cell"]), tuple(head["bodies"]), head["untouched"], *(file[name] for name in ARRAYS))
 
 
-ARRAYS = ("joints", "actions", "tools", "poses", "velocity")
+ARRAYS = ("joints", "actions", "tools", "poses", "points", "velocity")
 
 
 @dataclass(frozen=True)
@@ -81,7 +94,7 @@ def fill(job: SlotJob) -> Demonstration | None:
         except Failure:
             continue
         scene = rollout.scene
-        bodies = [name for name in scene.bodies if name not in scene.clutter]
+        bodies = {name: body.instance for name, body in scene.bodies.items() if name not in scene.clutter}
         return Demonstration.of(job.slot.cell, rollout.replay.log, bodies, scene.task.target)
     return None
 
@@ -105,7 +118,7 @@ def stored(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstration]:
             spec, meta = file.spec, file.meta
             cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
             if cell in cells:
-                bodies = [name for name in meta.objects if name not in meta.clutter]
+                bodies = {n: FAMILIES[o.family](**o.parameters) for n, o in meta.objects.items() if n not in meta.clutter}
                 yield Demonstration.of(cell, file.read().log, bodies, meta.target)
 
 

@@ -1,12 +1,14 @@
 """What the networks of the ladder see of one frame, of a demonstration or of a running trial."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.state_log import StateLog
 from pipeline.poses import quat_rotate
+from pipeline.world.objects import Family
 
 Floats = NDArray[np.float64]
 
@@ -16,32 +18,60 @@ INPUTS = ("position", "velocity", "two_frames")
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """T frames: measured joints (T,A), tool positions (T,2,3), poses (T,B,7) of the bodies with the target first, the target's
-    velocity (T,3)."""
+    """T frames: measured joints (T,A), tool poses (T,2,7), poses (T,B,7) of the bodies with the target first, their named points
+    (T,P,3) in the world, which tell their sizes, and the target's velocity (T,3)."""
 
     joints: Floats
     tools: Floats
     poses: Floats
+    points: Floats
     velocity: Floats
 
+    @classmethod
+    def of(cls, log: StateLog, bodies: Mapping[str, Family], frames: slice = slice(None)) -> "State":
+        """These frames of a state log; `bodies` in the order wanted."""
+        poses = {name: log.pose(name)[frames] for name in bodies}
+        points = list[Floats]()
+        for name, family in bodies.items():
+            named = family.frames().points
+            points += [
+                poses[name][:, :3] + quat_rotate(poses[name][:, 3:], named[point][:3]) for point in sorted(named) if point != "base"
+            ]
+        every = np.stack([*poses.values()], 1)
+        return cls(log.state[frames], log.tcp[frames], every, np.stack(points, 1), log.target_velocity[frames])
 
-def features(state: State, kind: str, back: int = 1) -> Floats:
-    """(T,F): joints, the way from each tool to each body, position and two axes of each body; for `velocity` the target's
-    velocity too; for `two_frames` the same of the frame `back` frames earlier (the first one stands for those before it)."""
-    ways = state.poses[:, None, :, :3] - state.tools[:, :, None]
-    axes = [quat_rotate(state.poses[..., 3:], np.array(axis)) for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))]
-    parts = [state.joints, ways, state.poses[..., :3], *axes]
-    now = np.concatenate([part.reshape(len(state.joints), -1) for part in parts], 1)
+    def at(self, rows: NDArray[np.intp]) -> "State":
+        """These frames of it."""
+        return State(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def features(now: State, before: State, kind: str) -> Floats:
+    """(T,F) what a network sees of T frames, and of the frames before them for `two_frames`; for `velocity` the target's velocity
+    besides."""
     if kind == "velocity":
-        return np.concatenate([now, state.velocity], 1)
+        return np.concatenate([_seen(now), now.velocity], 1)
     if kind == "two_frames":
-        return np.concatenate([now, now[np.maximum(np.arange(len(now)) - back, 0)]], 1)
-    return now
+        return np.concatenate([_seen(now), _seen(before)], 1)
+    return _seen(now)
 
 
-def target_first(bodies: Sequence[str], target: str) -> list[int]:
-    """Indices of the bodies with the target before the others, which keep their order by name."""
-    return sorted(range(len(bodies)), key=lambda i: (bodies[i] != target, bodies[i]))
+def earlier(frames: int, back: int) -> NDArray[np.intp]:
+    """The frame `back` frames before each of `frames`; the first one stands for those before it."""
+    return np.maximum(np.arange(frames) - back, 0)
+
+
+def _seen(state: State) -> Floats:
+    """(T,F): joints, the way from each tool to each body and to each named point, position and two axes of each body."""
+    tools = state.tools[:, :, None, :3]
+    ways = [state.poses[:, None, :, :3] - tools, state.points[:, None] - tools]
+    axes = [quat_rotate(state.poses[..., 3:], np.array(axis)) for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))]
+    parts = [state.joints, *ways, state.poses[..., :3], *axes]
+    return np.concatenate([part.reshape(len(state.joints), -1) for part in parts], 1)
+
+
+def target_first(bodies: Iterable[str], target: str) -> list[str]:
+    """The target before the others, which are ordered by name."""
+    return sorted(bodies, key=lambda name: (name != target, name))
 
 
 def chunks(joints: Floats, actions: Floats, length: int, grippers: Sequence[int]) -> Floats:

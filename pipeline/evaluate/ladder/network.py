@@ -1,9 +1,8 @@
-"""A multilayer perceptron from features to a chunk of actions: trained with torch, stored and run with NumPy alone."""
+"""A multilayer perceptron from features to a chunk of actions; of its several answers the likeliest is taken. NumPy alone."""
 
 import io
 import json
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +11,33 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+FARTHEST = 8.0
+"""Standard deviations from the mean at which inputs are clipped."""
+
 
 @dataclass(frozen=True)
 class Settings:
-    """How a network is made: what it sees (features.INPUTS), actions in a chunk, width of its two hidden layers, passes over the
-    data, seed of its weights and of the order of samples, and how many frames back `two_frames` looks."""
+    """How a network is made: what it sees (features.INPUTS), actions in a chunk, how many frames back `two_frames` looks, seed of
+    its weights and samples, width of its two hidden layers, number of its answers, steps of its training, copies of every
+    demonstration with the arms off their path and by how much at most (rad)."""
 
     inputs: str = "position"
     chunk: int = 20
-    width: int = 256
-    epochs: int = 80
-    seed: int = 0
     back: int = 1
-    rate: float = 3e-3
+    seed: int = 0
+    width: int = 256
+    answers: int = 4
+    steps: int = 5000
+    copies: int = 2
+    spread: float = 0.05
+    rate: float = 1e-3
     batch: int = 256
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Layers of weights (in, out) and biases, between the scales of inputs and outputs: x -> relu -> relu -> chunk (H,A)."""
+    """Layers of weights (in, out) and biases, between the scales of inputs and outputs: x -> relu -> relu -> K chunks (H,A) and how
+    likely each is."""
 
     settings: Settings
     layers: tuple[tuple[Floats, Floats], ...]
@@ -38,14 +45,15 @@ class Network:
     output_scale: tuple[Floats, Floats]
 
     def __call__(self, x: Floats) -> Floats:
-        """Chunks (N,H,A) for features (N,F)."""
-        mean, std = self.input_scale
-        h = np.clip((x - mean) / std, -8, 8)
+        """The likeliest chunks (N,H,A) for features (N,F)."""
+        h = scaled(x, self.input_scale)
         for weight, bias in self.layers[:-1]:
             h = np.maximum(h @ weight + bias, 0)
         weight, bias = self.layers[-1]
+        answers, likely = np.split(h @ weight + bias, [-self.settings.answers], 1)
+        chosen = answers.reshape(len(x), self.settings.answers, -1)[np.arange(len(x)), likely.argmax(1)]
         mean, std = self.output_scale
-        return ((h @ weight + bias) * std + mean).reshape(len(x), self.settings.chunk, -1)
+        return (chosen * std + mean).reshape(len(x), self.settings.chunk, -1)
 
     def to_bytes(self) -> bytes:
         """A NumPy archive without pickles."""
@@ -74,29 +82,6 @@ def scale(values: Floats, least: float = 1e-4) -> tuple[Floats, Floats]:
     return values.mean(0), np.where(std < least, 1.0, std)
 
 
-def train(x: Floats, y: Floats, settings: Settings) -> Network:
-    """A network from features (N,F) to chunks (N,H,A), by the mean absolute error of scaled outputs; the same for the same
-    arguments, torch and processor. Raises ImportError without torch."""
-    import torch
-
-    torch.set_num_threads(1)
-    torch.manual_seed(settings.seed)
-    flat = y.reshape(len(y), -1)
-    x_scale, y_scale = scale(x), scale(flat)
-    inputs = torch.tensor(np.clip((x - x_scale[0]) / x_scale[1], -8, 8), dtype=torch.float32)
-    wanted = torch.tensor((flat - y_scale[0]) / y_scale[1], dtype=torch.float32)
-    sizes = (inputs.shape[1], settings.width, settings.width, wanted.shape[1])
-    linear = [torch.nn.Linear(a, b) for a, b in pairwise(sizes)]
-    model = torch.nn.Sequential(linear[0], torch.nn.ReLU(), linear[1], torch.nn.ReLU(), linear[2])
-    optimiser = torch.optim.AdamW(model.parameters(), settings.rate, weight_decay=1e-4)
-    steps = settings.epochs * -(-len(inputs) // settings.batch)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.rate, total_steps=steps)
-    for _ in range(settings.epochs):
-        for rows in torch.randperm(len(inputs)).split(settings.batch):
-            loss = torch.nn.functional.l1_loss(model(inputs[rows]), wanted[rows])
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-    layers = tuple((a.weight.detach().numpy().T.astype(float), a.bias.detach().numpy().astype(float)) for a in linear)
-    return Network(settings, layers, x_scale, y_scale)
+def scaled(x: Floats, by: tuple[Floats, Floats]) -> Floats:
+    """Inputs (N,F) in standard deviations from the mean, clipped."""
+    return np.clip((x - by[0]) / by[1], -FARTHEST, FARTHEST)

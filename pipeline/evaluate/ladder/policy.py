@@ -28,16 +28,16 @@ class StatePolicy:
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial whose bodies it sees."""
-        names = [name for name in trial.scene.bodies if name not in trial.scene.clutter]
-        self._trial, self._bodies = trial, [names[i] for i in target_first(names, trial.scene.task.target)]
+        scene = trial.scene
+        names = target_first((name for name in scene.bodies if name not in scene.clutter), scene.task.target)
+        self._trial, self._bodies = trial, {name: scene.bodies[name].instance for name in names}
 
     def act(self, observation: Observation) -> ArrayLike:
         """The next actions (execute,A)."""
-        log, back = self._trial.log(), self._network.settings.back
-        last = slice(max(0, len(log) - 1 - back), None)
-        poses = np.stack([log.pose(name)[last] for name in self._bodies], 1)
-        state = State(log.state[last], log.tcp[last, :, :3], poses, log.target_velocity[last])
-        x = features(state, self._network.settings.inputs, back)[-1:]
+        log, settings = self._trial.log(), self._network.settings
+        state = State.of(log, self._bodies, slice(max(0, len(log) - 1 - settings.back), None))
+        last, first = np.array([len(state.joints) - 1]), np.array([0])
+        x = features(state.at(last), state.at(first), settings.inputs)
         return self._network(x)[0, : self._execute] + reference(state.joints[-1:], self._grippers)
 
 

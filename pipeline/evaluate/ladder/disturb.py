@@ -1,0 +1,38 @@
+"""Demonstrations as if the arms were somewhat off their path: what teaches a network the way back."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.evaluate.ladder.features import State
+from pipeline.planning.kinematics import fk_batch
+from pipeline.planning.planner import planner_for
+from pipeline.world.robots.contract import SIDES
+
+Floats = NDArray[np.float64]
+
+
+def disturbances(embodiment: str, frames: int, untouched: int, spread: float, rng: np.random.Generator) -> Floats:
+    """Offsets (T,A) of the arm joints, rad: of each frame and arm a size drawn evenly up to `spread` and a normal direction;
+    grippers, and all frames from `untouched` on, when a body may be in the hand, are left as they are."""
+    out = list[Floats]()
+    for side in SIDES:
+        joints = planner_for(embodiment).chains[side].dof
+        size = rng.uniform(0, spread, (frames, 1))
+        out += [size * rng.normal(size=(frames, joints)), np.zeros((frames, 1))]
+    offsets = np.concatenate(out, 1)
+    offsets[untouched:] = 0
+    return offsets
+
+
+def disturbed(state: State, embodiment: str, offsets: Floats) -> State:
+    """The state with its arm joints off by `offsets` (T,A) and its tools where forward kinematics says they are then."""
+    tools, first = state.tools.copy(), 0
+    for k, side in enumerate(SIDES):
+        chain = planner_for(embodiment).chains[side]
+        arm = slice(first, first + chain.dof)
+        q = state.joints[:, arm]
+        tools[:, k, :3] += fk_batch(chain, q + offsets[:, arm])[:, :3] - fk_batch(chain, q)[:, :3]
+        first += chain.dof + 1
+    return replace(state, joints=state.joints + offsets, tools=tools)

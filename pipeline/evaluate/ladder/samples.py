@@ -1,0 +1,40 @@
+"""What a network learns from: features and chunks of demonstrations, as they are and with the arms off their path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.errors import DominoError
+from pipeline.evaluate.ladder.demonstrations import Demonstration
+from pipeline.evaluate.ladder.disturb import disturbances, disturbed
+from pipeline.evaluate.ladder.features import chunks, earlier, features
+from pipeline.evaluate.ladder.network import Settings
+from pipeline.world.robots import get_embodiment
+
+Floats = NDArray[np.float64]
+
+
+class LadderError(DominoError):
+    """A ladder that cannot be trained."""
+
+
+def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats, Floats]:
+    """Features (N,F) and chunks (N,H,A) of all frames but the last, and of `copies` disturbed ones of each: the disturbance of a
+    frame is that of the frame before it, too. Raises LadderError where demonstrations have different bodies."""
+    x, y, rng = list[Floats](), list[Floats](), np.random.default_rng(0)
+    embodiment = shown[0].cell.embodiment
+    grippers = [i for i, name in enumerate(get_embodiment(embodiment).vector_names) if name.endswith("gripper")]
+    for d in shown:
+        if d.bodies != shown[0].bodies or d.points.shape[1:] != shown[0].points.shape[1:]:
+            raise LadderError(f"{d.cell.task}: scenes have different bodies, which a network of a fixed size cannot see")
+        frames, now = len(d.joints), d.state
+        before = now.at(earlier(frames, settings.back))
+        for copy in range(1 + settings.copies):
+            seen = (now, before)
+            if copy:
+                offsets = disturbances(embodiment, frames, d.untouched, settings.spread, rng)
+                seen = (disturbed(now, embodiment, offsets), disturbed(before, embodiment, offsets))
+            x.append(features(*seen, settings.inputs)[:-1])
+            y.append(chunks(seen[0].joints, d.actions, settings.chunk, grippers))
+    return np.concatenate(x), np.concatenate(y)
