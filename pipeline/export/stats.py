@@ -16,21 +16,21 @@ from pipeline.export.video import samples
 TOGETHER = 8
 """Frames whose colors are counted at once: few enough for the cache of a core."""
 
-QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+PERCENTILES = (1, 10, 50, 90, 99)
 Stats = dict[str, NDArray[Any]]
 
 
 def vector_stats(values: NDArray[Any]) -> Stats:
     """Statistics of (N,) or (N,d) values over N; each entry has shape (1,) or (d,)."""
-    columns = values.reshape(len(values), -1).T
-    quantiles = np.stack([np.quantile(c, QUANTILES, method="inverted_cdf") for c in columns], axis=1)
+    columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
+    rising, count = np.sort(columns, axis=1), len(values)
     return {
-        "min": columns.min(1),
-        "max": columns.max(1),
+        "min": rising[:, 0],
+        "max": rising[:, -1],
         "mean": columns.mean(1, dtype=np.float64),
-        "std": np.array([c.std(dtype=np.float64) for c in columns]),
-        "count": np.array([len(values)]),
-        **{f"q{round(100 * q):02d}": row for q, row in zip(QUANTILES, quantiles, strict=True)},
+        "std": columns.std(1, dtype=np.float64),
+        "count": np.array([count]),
+        **{f"q{percent:02d}": rising[:, -(-count * percent // 100) - 1] for percent in PERCENTILES},
     }
 
 
@@ -47,13 +47,10 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
 
 
 def plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
-    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only.
-
-    Where pixels are thinned, one has the chroma of its 2 by 2 block, as in what readers of the video get.
-    """
+    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only."""
     first = frames[0]
     step = _step(first.height, first.width)
-    if first.format.name != "yuvj420p" or first.width % step or first.height % step:
+    if first.format.name != "yuvj420p" or first.width % (2 * step) or first.height % (2 * step):
         return color_counts([frame.to_ndarray(format="rgb24") for frame in frames])
     counts, (width, height) = np.zeros((3, 256), np.int64), (first.width // step, first.height // step)
     for at in range(0, len(frames), TOGETHER):
@@ -61,10 +58,26 @@ def plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
         thin: Any = np.empty((len(some), height, width, 3), np.uint8)
         for frame, pixels in zip(some, thin, strict=True):
             luma, blue, red = (samples(plane) for plane in frame.planes)
-            cv2.merge([cv2.resize(plane, (width, height), interpolation=cv2.INTER_NEAREST) for plane in (luma, red, blue)], pixels)
+            luma, *chroma = (_thinned(plane, (width, height)) for plane in (luma, _at_pixels(red, step), _at_pixels(blue, step)))
+            cv2.merge((luma, *chroma), pixels)
         # the range is the full one of a JPEG
         counts += _counts(cv2.cvtColor(thin.reshape(-1, width, 3), cv2.COLOR_YCrCb2RGB))
     return counts
+
+
+def _at_pixels(chroma: NDArray[np.uint8], step: int) -> Any:
+    """Chroma (h,w) interpolated linearly, as libjpeg does it, at the pixels that count: at all or, where `step` is even, at the
+    upper left of each 2 by 2 block."""
+    if step % 2:
+        return cv2.resize(chroma, (2 * chroma.shape[1], 2 * chroma.shape[0]), interpolation=cv2.INTER_LINEAR)
+    wider = cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
+    across = cv2.addWeighted(wider[:, 1:], 0.75, wider[:, :-1], 0.25, 0)
+    return cv2.addWeighted(across[1:], 0.75, across[:-1], 0.25, 0)
+
+
+def _thinned(plane: Any, size: tuple[int, int]) -> Any:
+    """A plane with `size` = (width, height) evenly spaced samples."""
+    return plane if plane.shape == size[::-1] else cv2.resize(plane, size, interpolation=cv2.INTER_NEAREST)
 
 
 def _step(height: int, width: int) -> int:
@@ -89,6 +102,6 @@ def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
         "mean": mean,
         "std": np.sqrt(np.maximum(counts @ values**2 / total - mean**2, 0.0)),
     }
-    for q in QUANTILES:
-        out[f"q{round(100 * q):02d}"] = values[(below >= q * total[:, None]).argmax(1)]
+    for percent in PERCENTILES:
+        out[f"q{percent:02d}"] = values[(100 * below >= percent * total[:, None]).argmax(1)]
     return {**{k: v.reshape(3, 1, 1) for k, v in out.items()}, "count": np.array([frames])}

@@ -179,15 +179,15 @@ class VideoFile:
             packets: list[Any] = [p for p in source.demux(template) if p.dts is not None]
             if len(packets) != frames:
                 raise ValueError(f"the encoder returned {len(packets)} images for {frames} frames")
-            tick = Fraction(1, self.fps) / Fraction(template.time_base or 1)
+            start = int(self.frames / (self.fps * Fraction(template.time_base or 1)))
             for packet in packets:
-                packet.pts, packet.dts = int(packet.pts + self.frames * tick), int(packet.dts + self.frames * tick)
+                packet.pts, packet.dts = packet.pts + start, packet.dts + start
                 packet.stream = self._stream
                 self.size += packet.size
                 self._output.mux(packet)
-        start = self.frames / self.fps
+        begin = self.frames / self.fps
         self.frames += frames
-        return start, self.frames / self.fps
+        return begin, self.frames / self.fps
 
     def close(self) -> None:
         """Finish the file."""
