@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from pipeline.data.episode import EpisodeFile
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST, SIDES
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, grouped, read_facts, reading, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.meetings import interception
 from pipeline.export.provenance import Provenance
-from pipeline.export.robotwin import FRONT, configuration, episode_arrays, front_camera_option, written_cameras
+from pipeline.export.robotwin import FRONT, configuration, episode_arrays, front_camera_option, write_arrays, written_cameras
 from pipeline.motion.interception import Interception
 
 SCHEMA = 2
@@ -113,24 +113,23 @@ class Dynamicwam(Exporter[DynamicwamOptions]):
 
     def export(self, job: Job[DynamicwamOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, vectors that are not 14 wide, and missing cameras."""
-        with staged(job.out, job.dataset) as folder:
-            frames, groups = 0, grouped(job.episodes, _place)
+        with self.draft(job) as draft:
+            folder, frames, groups = draft.folder, 0, grouped(job.episodes, _place)
             for name, paths in groups.items():
                 for part in ("data", "instructions"):
                     (folder / name / part).mkdir(parents=True)
                 first = None
                 with closing(Provenance(folder / name / "episodes.parquet")) as rows:
                     for index, path in enumerate(paths):
+                        made, made_from = folder / name / "data" / f"episode{index}.hdf5", ["episode", draft.hash_of(path)]
+                        kept = draft.keep(made, made_from)
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
                             first = first or facts
                             same(first, facts)
-                            arrays = contents(file, facts, job.options)
-                        with h5py.File(folder / name / "data" / f"episode{index}.hdf5", "w", libver=("v110", "v110")) as f:
-                            f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = "rgb", facts.fps, facts.spec.to_json()
-                            make_groups(f, arrays)
-                            for key, values in arrays.items():
-                                f[key] = values
+                            if not kept:
+                                write_arrays(made, contents(file, facts, job.options), facts, "rgb")
+                                draft.made(made, made_from)
                         said = {"seen": facts.seen, "unseen": facts.unseen}
                         write_json(folder / name / "instructions" / f"episode{index}.json", said)
                         frames += len(facts)

@@ -34,7 +34,7 @@ from pipeline.data.episode import EpisodeFile
 from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped, judging, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, grouped, judging, make_groups, read_facts, reading, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.images import JpegOrder, reordered
 from pipeline.export.options import one_of, option
@@ -73,8 +73,8 @@ class Robotwin(Exporter[RobotwinOptions]):
         """Write `job.out`. Raises ExportError for unreadable episodes and for those of one cell that differ in fps, cameras, image
         size or joint names."""
         order = job.options.jpeg_order
-        with staged(job.out, job.dataset) as folder:
-            frames = 0
+        with self.draft(job) as draft:
+            folder, frames = draft.folder, 0
             groups = grouped(job.episodes, configuration)
             for name, paths in groups.items():
                 root = folder / name
@@ -83,12 +83,16 @@ class Robotwin(Exporter[RobotwinOptions]):
                 first, scenes, seeds = None, {}, []
                 with closing(Provenance(root / PROVENANCE)) as rows:
                     for index, path in enumerate(paths):
+                        made, made_from = root / "data" / f"episode{index}.hdf5", ["episode", draft.hash_of(path)]
+                        kept = draft.keep(made, made_from)
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
                             first = first or facts
                             same(first, facts)
-                            arrays = episode_arrays(file, facts, written_cameras(facts, job.options.front_camera), order)
-                        _write(root / "data" / f"episode{index}.hdf5", arrays, facts, order)
+                            if not kept:
+                                names = written_cameras(facts, job.options.front_camera)
+                                write_arrays(made, episode_arrays(file, facts, names, order), facts, order)
+                                draft.made(made, made_from)
                         write_json(root / "instructions" / f"episode{index}.json", {"seen": facts.seen, "unseen": facts.unseen})
                         scenes[f"episode_{index}"] = scene(facts)
                         seeds.append(str(facts.spec.seed))
@@ -173,7 +177,8 @@ def scene(facts: Facts) -> dict[str, Any]:
     return {"info": said, "cluttered_table_info": list(meta.clutter), "spec": json.loads(facts.spec.to_json())}
 
 
-def _write(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: str) -> None:
+def write_arrays(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: JpegOrder) -> None:
+    """Write an exported file: its arrays by key, and attributes."""
     with h5py.File(path, "w", libver=("v110", "v110")) as f:
         f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = order, facts.fps, facts.spec.to_json()
         make_groups(f, arrays)

@@ -1,14 +1,9 @@
-"""Video files of a LeRobot dataset: each episode encoded on its own with one thread, then appended to a file without re-encoding.
-
-Encoding an episode alone makes its packets a function of its frames only, so files are the same whatever ran beside, and every
-episode starts with a key frame. Nothing is dropped and nothing is written twice.
-"""
+"""Encodes and decodes the images of an episode: codecs, their options, and planes that go from JPEG to video as they are."""
 
 import io
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -150,47 +145,3 @@ def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8
         for frame in container.decode(stream):
             assert frame.pts is not None and frame.time_base is not None
             yield float(frame.pts * frame.time_base), np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
-
-
-@dataclass
-class VideoFile:
-    """An mp4 that grows by episodes; `frames` and `size` (bytes of packets) tell when to begin another. Close it once."""
-
-    path: Path
-    fps: int
-    frames: int = 0
-    size: int = 0
-    _output: Any = field(default=None, repr=False)
-    _stream: Any = field(default=None, repr=False)
-
-    def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
-        """Add an episode encoded by `encode`, which has `frames` images; returns where it starts and ends in the file, in s.
-
-        Raises ValueError when the video does not hold that many images.
-        """
-        av = pyav()
-        with av.open(io.BytesIO(mp4)) as source:
-            template = source.streams.video[0]
-            if self._output is None:
-                self.path.parent.mkdir(parents=True, exist_ok=True)
-                self._output = av.open(str(self.path), "w", format="mp4", options={"movflags": "faststart"})
-                self._stream = self._output.add_stream_from_template(template, opaque=True)
-                self._stream.time_base = template.time_base
-            packets: list[Any] = [p for p in source.demux(template) if p.dts is not None]
-            if len(packets) != frames:
-                raise ValueError(f"the encoder returned {len(packets)} images for {frames} frames")
-            start = int(self.frames / (self.fps * Fraction(template.time_base or 1)))
-            for packet in packets:
-                packet.pts, packet.dts = packet.pts + start, packet.dts + start
-                packet.stream = self._stream
-                self.size += packet.size
-                self._output.mux(packet)
-        begin = self.frames / self.fps
-        self.frames += frames
-        return begin, self.frames / self.fps
-
-    def close(self) -> None:
-        """Finish the file."""
-        if self._output is not None:
-            self._output.close()
-            self._output = None
