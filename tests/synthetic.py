@@ -23,7 +23,12 @@ from pipeline.poses import Pose, compose, frame, pose
 from pipeline.world.visuals import CLEAN
 
 CAMERAS = ("head_camera", "left_camera", "right_camera")
-COLORS = {"head_camera": (220, 30, 30), "left_camera": (30, 200, 40), "right_camera": (30, 50, 220)}
+COLORS = {
+    "head_camera": (220, 30, 30),
+    "left_camera": (30, 200, 40),
+    "right_camera": (30, 50, 220),
+    "observer_camera": (200, 180, 20),
+}
 BACKGROUND = (120, 125, 130)
 HALF = 20  # half side of the square, pixels
 DRIFT = (3, 2)  # pixels a frame of the wrist images
@@ -137,7 +142,7 @@ def make_view(name: str, log: StateLog, camera_type: str, depth: bool, segmentat
     """The images of one camera for a log made by `make_log`."""
     kind = CAMERA_TYPES[camera_type]
     fixed = head_pose()
-    link = None if name == "head_camera" else f"{name.split('_')[0]}_hand"
+    link = f"{name.split('_')[0]}_hand" if name in ("left_camera", "right_camera") else None
     camera = Camera(name, kind, link, fixed if link is None else pose((0.05, 0, 0.05)))
     poses = np.repeat(fixed[None], len(log), 0) if link is None else compose(log.pose(link), camera.pose)
     rgb = np.empty((len(log), kind.height, kind.width, 3), np.uint8)

@@ -39,7 +39,6 @@ from pipeline.export.common import (
     read_summary,
     reading,
     same,
-    staged,
 )
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.images import decode_jpeg, padded, reordered, resize
@@ -72,8 +71,8 @@ class Aloha(Exporter[AlohaOptions]):
     def export(self, job: Job[AlohaOptions]) -> dict[str, Any]:
         """Write `job.out`, or a directory of it for each of several embodiments. Raises ExportError for unreadable episodes and
         for episodes of one embodiment that differ in fps, cameras, image size or joint names."""
-        with staged(job.out, job.dataset) as folder:
-            frames, fps = 0, {}
+        with self.draft(job) as draft:
+            folder, frames, fps = draft.folder, 0, {}
             groups = by_embodiment(job.episodes, folder)
             for name, (directory, paths) in groups.items():
                 directory.mkdir(parents=True, exist_ok=True)
@@ -81,12 +80,15 @@ class Aloha(Exporter[AlohaOptions]):
                 first, rows = None, Provenance(directory / PROVENANCE)
                 with closing(rows):
                     for index, path in enumerate(paths):
+                        made, made_from = directory / f"episode_{index}.hdf5", ["episode", draft.hash_of(path), longest]
+                        kept = draft.keep(made, made_from)
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
                             first = first or facts
                             same(first, facts)
-                            images = _images(file, facts, job.options)
-                        _write(directory / f"episode_{index}.hdf5", _rows(facts, longest), images, facts, job.options)
+                            if not kept:
+                                _write(made, _rows(facts, longest), _images(file, facts, job.options), facts, job.options)
+                                draft.made(made, made_from)
                         frames += len(facts)
                         fps[name] = facts.fps
                         rows.append(facts)

@@ -16,6 +16,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
+from pipeline.data.keys import file_hash
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.export.common import ExportError
 
@@ -77,15 +78,28 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
     return out
 
 
+def _file_of(one: Joined, dataset: Path, source: str) -> Path:
+    relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
+    return annotation_path(dataset, one.directory, relative)
+
+
+def annotation_hashes(joined: Sequence[Joined], dataset: Path, source: str) -> list[str | None]:
+    """sha256 of the annotation files of an episode, None for those that are not there. Raises ExportError."""
+    paths = [_file_of(one, dataset, source) for one in joined]
+    try:
+        return [file_hash(path) if path.exists() else None for path in paths]
+    except OSError as error:
+        raise ExportError(f"{error.filename}: cannot be read ({error.strerror}); run annotate again") from error
+
+
 def annotation_columns(joined: Sequence[Joined], dataset: Path, source: str, frames: int) -> dict[str, pa.Array]:
     """Columns of an episode, `source` being its path in the dataset.
 
     Raises ExportError for an annotation that is damaged or has not as many frames as the episode.
     """
-    relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
     columns: dict[str, pa.Array] = {}
     for one in joined:
-        path = annotation_path(dataset, one.directory, relative)
+        path = _file_of(one, dataset, source)
         try:
             entry = read_entry(path)
         except FileNotFoundError:

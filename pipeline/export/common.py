@@ -25,6 +25,9 @@ from pipeline.data.state_log import StateLog
 from pipeline.export.contents import strangers
 
 SUMMARY = "export.json"
+SOURCES = "sources.json"
+"""What the files of an export were made from (`reuse`)."""
+
 OWN = ("episodes", "ledger", "assets", "annotations", "report")
 """Directories of a dataset that nothing else may be written to."""
 
@@ -165,7 +168,7 @@ def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
     if len(sizes) > 1:
         raise ExportError(f"{path}: its cameras differ in size: {sorted(sizes)}")
     return Facts(
-        source=_relative(path, dataset),
+        source=source_of(path, dataset),
         spec=episode.spec,
         fps=file.fps,
         log=log,
@@ -182,7 +185,8 @@ def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
     )
 
 
-def _relative(path: Path, dataset: Path) -> str:
+def source_of(path: Path, dataset: Path) -> str:
+    """The name of an episode file in exports: relative to the dataset where it is there."""
     path, dataset = path.absolute(), dataset.absolute()
     return path.relative_to(dataset).as_posix() if path.is_relative_to(dataset) else path.name
 

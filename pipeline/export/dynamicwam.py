@@ -6,13 +6,20 @@
       episodes.parquet               where each episode comes from
 
 Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened until then; where nothing has,
+<<<<<<< HEAD
 steps and times are -1 and poses and points zero. Counts are those of contact points, in episodes of schema 2 of touching links. The
 converter takes 14-wide vectors only.
+=======
+steps and times are -1 and poses and points zero. Counts are those of touching links. The converter takes 14-wide vectors only.
+The validator of the original's collection also wants a `front_camera`: the one that `--front-camera` names, else a stored camera of
+that name, else the observer; where there is none of them the file has none.
+>>>>>>> export
 """
 
 import json
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
-from pipeline.data.names import HEAD, LEFT_WRIST, RIGHT_WRIST, SIDES
+from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST, SIDES
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, grouped, read_facts, reading, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.meetings import interception
-from pipeline.export.options import NoOptions
 from pipeline.export.provenance import Provenance
-from pipeline.export.robotwin import coded, configuration, episode_arrays
+from pipeline.export.robotwin import FRONT, configuration, episode_arrays, front_camera_option, write_arrays, written_cameras
 from pipeline.motion.interception import Interception
 
 SCHEMA = 2
@@ -96,33 +102,39 @@ def _place(spec: EpisodeSpec) -> str:
     return f"{spec.domain}/{configuration(spec)}"
 
 
+@dataclass(frozen=True)
+class DynamicwamOptions:
+    """Options of the format."""
+
+    front_camera: str | None = front_camera_option()
+
+
 @register
-class Dynamicwam(Exporter[NoOptions]):
+class Dynamicwam(Exporter[DynamicwamOptions]):
     """One directory a cell below its domain, one HDF5 file an episode."""
 
     name = "dynamicwam"
-    options = NoOptions
+    options = DynamicwamOptions
 
-    def export(self, job: Job[NoOptions]) -> dict[str, Any]:
+    def export(self, job: Job[DynamicwamOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, vectors that are not 14 wide, and missing cameras."""
-        with staged(job.out, job.dataset) as folder:
-            frames, groups = 0, grouped(job.episodes, _place)
+        with self.draft(job) as draft:
+            folder, frames, groups = draft.folder, 0, grouped(job.episodes, _place)
             for name, paths in groups.items():
                 for part in ("data", "instructions"):
                     (folder / name / part).mkdir(parents=True)
                 first = None
                 with closing(Provenance(folder / name / "episodes.parquet")) as rows:
                     for index, path in enumerate(paths):
+                        made, made_from = folder / name / "data" / f"episode{index}.hdf5", ["episode", draft.hash_of(path)]
+                        kept = draft.keep(made, made_from)
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
                             first = first or facts
                             same(first, facts)
-                            arrays = contents(file, facts)
-                        with h5py.File(folder / name / "data" / f"episode{index}.hdf5", "w", libver=("v110", "v110")) as f:
-                            f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = "rgb", facts.fps, facts.spec.to_json()
-                            make_groups(f, arrays)
-                            for key, values in arrays.items():
-                                f[key] = values
+                            if not kept:
+                                write_arrays(made, contents(file, facts, job.options), facts, "rgb")
+                                draft.made(made, made_from)
                         said = {"seen": facts.seen, "unseen": facts.unseen}
                         write_json(folder / name / "instructions" / f"episode{index}.json", said)
                         frames += len(facts)
@@ -133,6 +145,10 @@ class Dynamicwam(Exporter[NoOptions]):
 
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
         """Every array, the fields of the group and the bytes of the images must be those of the episode."""
+        try:
+            options = self.options_of(out)
+        except ExportError as error:
+            return [str(error)]
         problems = []
         for name, paths in grouped(episodes, _place).items():
             count = len(list((out / name / "data").glob("episode*.hdf5")))
@@ -141,7 +157,7 @@ class Dynamicwam(Exporter[NoOptions]):
                 exported, words = out / name / "data" / f"episode{index}.hdf5", out / name / "instructions" / f"episode{index}.json"
                 with reading(path) as file:
                     facts = read_facts(file, dataset)
-                    wanted = contents(file, facts)
+                    wanted = contents(file, facts, options)
                 try:
                     with h5py.File(exported) as opened:
                         f: Any = opened
@@ -154,12 +170,12 @@ class Dynamicwam(Exporter[NoOptions]):
         return problems
 
 
-def contents(file: EpisodeFile, facts: Facts) -> dict[str, NDArray[Any]]:
+def contents(file: EpisodeFile, facts: Facts, options: DynamicwamOptions) -> dict[str, NDArray[Any]]:
     """Every array of an exported file by key. Raises ExportError for an episode that the converter would refuse."""
     if len(facts.log.vector_names) != WIDTH:
         raise ExportError(f"{facts.source}: vectors of {facts.spec.embodiment} are not {WIDTH} wide, which DynamicWAM needs")
     if missing := sorted(set(CAMERAS) - set(facts.cameras)):
         raise ExportError(f"{facts.source}: has no {missing[0]}, which DynamicWAM needs")
-    images = {f"observation/{camera}/rgb": coded(file, camera, "rgb") for camera in facts.cameras}
+    front = options.front_camera or next((camera for camera in (FRONT, OBSERVER) if camera in facts.cameras), None)
     group = {f"interception/{name}": values for name, values in fields(facts, interception(facts)).items()}
-    return episode_arrays(file, facts) | images | group
+    return episode_arrays(file, facts, written_cameras(facts, front), "rgb") | group

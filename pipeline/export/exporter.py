@@ -1,15 +1,17 @@
 """The contract of an export format: one class, its options, and the registry that `export` and `verify` look formats up in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.export.card import write_card
-from pipeline.export.common import SUMMARY, ExportError, Progress, read_summary, size_of, write_json
+from pipeline.export.common import SOURCES, SUMMARY, ExportError, Progress, read_summary, size_of, staged, write_json
 from pipeline.export.contents import contents_of
 from pipeline.export.options import NoOptions
+from pipeline.export.reuse import Draft
 from pipeline.registry import Registry
 
 
@@ -48,7 +50,7 @@ class Exporter[O](ABC):
     @abstractmethod
     def export(self, job: Job[O]) -> dict[str, Any]:
         """Write `job.out` and return its summary. It appears by rename when everything is written, and an older export is
-        replaced only then (`common.staged`). Episodes are ordered by path. Raises ExportError in one line."""
+        replaced only then (`draft`). Episodes are ordered by path. Raises ExportError in one line."""
 
     @abstractmethod
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
@@ -57,13 +59,23 @@ class Exporter[O](ABC):
         Raises ExportError for episode files that cannot be read.
         """
 
+    @contextmanager
+    def draft(self, job: Job[O]) -> Iterator[Draft]:
+        """A temporary directory, and what the export at `job.out` lends it; it becomes `job.out` when the block ends well and
+        vanishes when it does not. Raises ExportError as `common.staged`."""
+        with staged(job.out, job.dataset) as folder:
+            options = asdict(job.options)  # pyright: ignore[reportArgumentType]
+            draft = Draft(folder, job.out, {"format": self.name, "options": options})
+            yield draft
+            draft.finish(job.dataset, job.episodes)
+
     def summarize(self, folder: Path, job: Job[O], values: dict[str, Any]) -> dict[str, Any]:
         """Write the card and export.json: format, options, `values`, bytes and names of all files. Returns the latter."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
         summary = {"format": self.name, "options": options, **values}
         write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
         summary["bytes"] = size_of(folder)
-        summary["contents"] = sorted({SUMMARY, *contents_of(folder)})
+        summary["contents"] = sorted({SOURCES, SUMMARY, *contents_of(folder)})
         write_json(folder / SUMMARY, summary)
         return summary
 

@@ -18,9 +18,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.export.common import ExportError, Facts, exported_cameras, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, exported_cameras, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.lerobot_check import check_v3
+from pipeline.export.lerobot_encoded import EncodedFile, Known
 from pipeline.export.lerobot_format import (
     FILES_PER_CHUNK,
     MEGABYTE,
@@ -38,12 +39,13 @@ from pipeline.export.lerobot_format import (
 )
 from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns, with_language
 from pipeline.export.lerobot_options import INDEX, LerobotOptions, datasets_of, index_row
-from pipeline.export.lerobot_prepare import Prepared, prepare_all
+from pipeline.export.lerobot_prepare import Prepared, Source, prepare_all
 from pipeline.export.lerobot_reference import data_schema, write_meta
 from pipeline.export.options import option, whole
 from pipeline.export.provenance import Provenance, scalars
+from pipeline.export.reuse import Draft
 from pipeline.export.stats import Stats, image_stats, vector_stats
-from pipeline.export.video import VideoFile
+from pipeline.export.video_file import Clip, VideoFile
 
 VERSION = "v3.0"
 ROWS_PER_GROUP = 100
@@ -66,22 +68,25 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
     version: str
 
-    def writer(self, root: Path, first: Facts, options: O) -> "Writer":
-        """A writer of one dataset, whose episodes must be like the first."""
+    def writer(self, draft: Draft, root: Path, first: Facts, options: O) -> "Writer":
+        """A writer of one dataset at `root`, whose episodes must be like the first."""
         raise NotImplementedError
 
     def export(self, job: Job[O]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
         that differ in fps, cameras, image size or joint names."""
         codec = job.options.video()
-        with staged(job.out, job.dataset) as folder:
+        with self.draft(job) as draft:
+            folder, known = draft.folder, Known(draft)
             parts, index = {}, []
             for name, (root, paths) in datasets_of(job.episodes, folder, job.options.per_task).items():
                 writer: Writer | None = None
                 specs = []
                 try:
-                    for prepared in prepare_all(paths, job.dataset, codec, min(job.workers, len(paths))):
-                        writer = writer or self.writer(root, prepared.facts, job.options)
+                    hashes = ((path, draft.hash_of(path)) for path in paths)
+                    sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
+                    for prepared in prepare_all(sources, job.dataset, codec, min(job.workers, len(paths))):
+                        writer = writer or self.writer(draft, root, prepared.facts, job.options)
                         writer.append(prepared)
                         specs.append(prepared.facts.spec)
                         job.advance()
@@ -107,12 +112,13 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 class Writer:
     """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
 
-    def __init__(self, root: Path, first: Facts, options: LerobotOptions) -> None:
-        self.root, self.first, self.codec = root, first, options.video()
+    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+        self.draft, self.root, self.first, self.codec = draft, root, first, options.video()
         self.names = exported_cameras(first, options.camera_names)
         self.features = features_of(first, self.codec, self.names)
         self.tasks: dict[str, int] = {}
         self.provenance = Provenance(root / "meta" / "domino_episodes.parquet")
+        self.encoded = EncodedFile(draft, root)
         self.colors: dict[str, NDArray[np.int64]] = {}
         self.sampled = self.frames = 0
 
@@ -122,17 +128,23 @@ class Writer:
         same(self.first, facts)
         index, task = self.provenance.count, self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
+<<<<<<< HEAD
         stats = column_stats(columns)
         for camera, counts in episode.colors.items():
+=======
+        stats = {name: vector_stats(values) for name, values in columns.items()}
+        for camera, counts in episode.encoded.colors.items():
+>>>>>>> export
             key = image_key(self.names[camera])
-            stats[key] = image_stats(counts, episode.sampled)
+            stats[key] = image_stats(counts, episode.encoded.sampled)
             self.colors[key] = self.colors.get(key, 0) + counts
         return index, columns, stats
 
-    def end(self, episode: Prepared) -> None:
-        """Count an episode as written."""
+    def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
+        """Count an episode as written; `places` are the video file and the number of its first image there by camera."""
         self.provenance.append(episode.facts)
-        self.sampled += episode.sampled
+        self.encoded.append(episode.sha, episode.encoded, places)
+        self.sampled += episode.encoded.sampled
         self.frames += len(episode.facts)
 
     def append(self, episode: Prepared) -> None:
@@ -142,6 +154,7 @@ class Writer:
     def close(self) -> None:
         """Finish the files that episodes go to."""
         self.provenance.close()
+        self.encoded.close()
 
     def finish(self) -> dict[str, Any]:
         """After `close`: write what describes the whole dataset; returns counts."""
@@ -158,8 +171,8 @@ class Writer:
 class V3Writer(Writer):
     """Version 3.0: many episodes a file."""
 
-    def __init__(self, root: Path, first: Facts, options: LerobotV3Options) -> None:
-        super().__init__(root, first, options)
+    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotV3Options) -> None:
+        super().__init__(draft, root, first, options)
         self.options = options
         self.features = with_language(self.features)
         self.data = Tables(root / "data", data_schema(self.features))
@@ -175,16 +188,25 @@ class V3Writer(Writer):
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
+<<<<<<< HEAD
         texts = language_columns(facts, self.names, self.data.schema)
         self.data.write(data_table(columns | texts, self.data.schema))
         for camera, mp4 in episode.videos.items():
             row |= self._append_video(image_key(self.names[camera]), mp4, facts)
+=======
+        self.data.write(data_table(columns, self.data.schema))
+        places = {}
+        for camera, clip in episode.encoded.videos.items():
+            key = image_key(self.names[camera])
+            row |= self._append_video(key, clip, facts)
+            places[camera] = self.videos[key].path, self.videos[key].frames - length
+>>>>>>> export
         row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
         row |= {f"domino.{name}": value for name, value in scalars(facts).items()}
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
         self.rows.append(row)
-        self.end(episode)
+        self.end(episode, places)
         if len(self.rows) == ROWS_PER_GROUP:
             self._flush()
 
@@ -195,8 +217,8 @@ class V3Writer(Writer):
         frames = self.options.video_seconds * self.first.fps
         longer = any(video.frames + len(episode.facts) > frames for video in self.videos.values())
         larger = any(
-            video.size + len(mp4) > self.options.video_bytes
-            for video, mp4 in zip(self.videos.values(), episode.videos.values(), strict=True)
+            video.size + clip.size > self.options.video_bytes
+            for video, clip in zip(self.videos.values(), episode.encoded.videos.values(), strict=True)
         )
         return longer or larger or self.data.size >= self.options.data_bytes
 
@@ -206,12 +228,12 @@ class V3Writer(Writer):
         self.videos = {}
         self.data.roll()
 
-    def _append_video(self, key: str, mp4: bytes, facts: Facts) -> dict[str, Any]:
+    def _append_video(self, key: str, clip: Clip, facts: Facts) -> dict[str, Any]:
         number = self.data.number
         if key not in self.videos:
-            self.videos[key] = VideoFile(self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps)
+            self.videos[key] = VideoFile(self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps, self.draft)
         try:
-            start, end = self.videos[key].append(mp4, len(facts))
+            start, end = self.videos[key].append(clip, len(facts))
         except ValueError as error:
             raise ExportError(f"{facts.source}: {key}: {error}") from error
         chunk, file = divmod(number, FILES_PER_CHUNK)
@@ -274,8 +296,8 @@ class Lerobot(LerobotExporter[LerobotV3Options]):
     options = LerobotV3Options
     version = VERSION
 
-    def writer(self, root: Path, first: Facts, options: LerobotV3Options) -> Writer:
-        return V3Writer(root, first, options)
+    def writer(self, draft: Draft, root: Path, first: Facts, options: LerobotV3Options) -> Writer:
+        return V3Writer(draft, root, first, options)
 
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
         """Counts, every number, times, tasks, provenance, and every decoded image must be the episode's."""

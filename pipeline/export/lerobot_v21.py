@@ -26,7 +26,9 @@ from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_card
 from pipeline.export.provenance import check_provenance
-from pipeline.export.video import VideoFile, frames_of
+from pipeline.export.reuse import Draft
+from pipeline.export.video import frames_of
+from pipeline.export.video_file import VideoFile
 
 VERSION = "v2.1"
 DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
@@ -42,8 +44,8 @@ def place(template: str, index: int, key: str = "") -> str:
 class V21Writer(Writer):
     """Version 2.1: files of every episode."""
 
-    def __init__(self, root: Path, first: Facts, options: LerobotOptions) -> None:
-        super().__init__(root, first, options)
+    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+        super().__init__(draft, root, first, options)
         self.schema = readable_by_old(data_schema(self.features))
         self.rows: list[dict[str, Any]] = []
         self.stats: list[dict[str, Any]] = []
@@ -54,19 +56,21 @@ class V21Writer(Writer):
         path = self.root / place(DATA_PATH, index)
         path.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(data_table(columns, self.schema), path)
-        for camera, mp4 in episode.videos.items():
+        places = {}
+        for camera, clip in episode.encoded.videos.items():
             key = image_key(self.names[camera])
-            video = VideoFile(self.root / place(VIDEO_PATH, index, key), facts.fps)
+            video = VideoFile(self.root / place(VIDEO_PATH, index, key), facts.fps, self.draft)
             try:
-                video.append(mp4, len(facts))
+                video.append(clip, len(facts))
             except ValueError as error:
                 raise ExportError(f"{facts.source}: {key}: {error}") from error
             finally:
                 video.close()
+            places[camera] = video.path, 0
         self.rows.append({"episode_index": index, "tasks": [facts.instruction], "length": len(facts)})
         plain = {name: {stat: entry[stat].tolist() for stat in STATS} for name, entry in stats.items()}
         self.stats.append({"episode_index": index, "stats": plain})
-        self.end(episode)
+        self.end(episode, places)
 
     def finish(self) -> dict[str, Any]:
         summary = super().finish()
@@ -114,8 +118,8 @@ class LerobotV21(LerobotExporter[LerobotOptions]):
     options = LerobotOptions
     version = VERSION
 
-    def writer(self, root: Path, first: Facts, options: LerobotOptions) -> Writer:
-        return V21Writer(root, first, options)
+    def writer(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> Writer:
+        return V21Writer(draft, root, first, options)
 
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
         """Counts, every number, tasks, and every decoded image must be the episode's."""

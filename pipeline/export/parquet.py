@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.annotations import stages_of
-from pipeline.export.annotations import IMAGE, Joined, joined_of
+from pipeline.export.annotations import IMAGE, Joined, annotation_hashes, joined_of
 from pipeline.export.common import (
     EXPORT_FAULTS,
     ExportError,
@@ -32,12 +32,13 @@ from pipeline.export.common import (
     read_summary,
     reading,
     same,
-    staged,
+    source_of,
 )
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import camera_names_option, option, whole
 from pipeline.export.parquet_table import CONSTANTS, Plan, episode_table
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.reuse import Draft
 
 FILE_BYTES = 200 * 1024 * 1024
 GROUP_BYTES = 64 * 1024 * 1024  # the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
@@ -63,20 +64,25 @@ class Parquet(Exporter[ParquetOptions]):
     def export(self, job: Job[ParquetOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, and for episodes that differ in fps or cameras."""
         paths = ordered(job.episodes)
-        with staged(job.out, job.dataset) as folder:
+        with self.draft(job) as draft:
+            folder = draft.folder
             firsts = _firsts(paths, job.dataset)
             plan = _plan(firsts, job.options, joined_of(job.dataset, job.options.annotations, job.options.camera_names))
-            files = _Files(folder, plan, job.options)
+            files = _Files(draft, plan, job.options)
             rows = Provenance(folder / PROVENANCE)
             frames = 0
             with closing(rows), closing(files):
+                items = [_item(index, path, draft, plan, job.dataset) for index, path in enumerate(paths)]
+                kept = 0
                 for index, path in enumerate(paths):
+                    if index >= kept:
+                        kept = index + files.keep(items, index)
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset)
                         same(firsts[facts.spec.embodiment], facts)
-                        table = episode_table(index, facts, file, plan, job.dataset)
-                    files.write(table)
-                    frames += len(table)
+                        if index >= kept:
+                            files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
+                    frames += len(facts)
                     rows.append(facts)
                     job.advance()
             values = {
@@ -154,11 +160,17 @@ def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, joined: Sequence
     return Plan(reference.fps, exported_cameras(reference, options.camera_names), names, joined)
 
 
-class _Files:
-    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `limit` bytes."""
+def _item(index: int, path: Path, draft: Draft, plan: Plan, dataset: Path) -> list[Any]:
+    """All that the rows of an episode are made from."""
+    source = source_of(path, dataset)
+    return [index, source, draft.hash_of(path), *annotation_hashes(plan.joined, dataset, source)]
 
-    def __init__(self, folder: Path, plan: Plan, options: ParquetOptions) -> None:
-        self.folder, self.schema, self.options, self.count = folder, plan.schema(), options, 0
+
+class _Files:
+    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `file_bytes`."""
+
+    def __init__(self, draft: Draft, plan: Plan, options: ParquetOptions) -> None:
+        self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
         coded = [field.name for field in self.schema if field.type == IMAGE]
         # JPEG and PNG bytes neither compress nor repeat
         codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {f"{name}.bytes": "NONE" for name in coded}
@@ -166,20 +178,45 @@ class _Files:
         # pages end where the content says, so that a store that keeps equal pieces once keeps what has not changed
         self.settings |= {"use_content_defined_chunking": True}
         self._writer: pq.ParquetWriter | None = None
+        self._items: list[list[Any]] = []
 
-    def write(self, table: pa.Table) -> None:
+    def keep(self, items: Sequence[list[Any]], start: int) -> int:
+        """Take over the next file where the older export has one of the episodes from `start`; returns of how many."""
+        name = f"data-{self.count:05d}.parquet"
+        said = self.draft.older.files.get(name, {})
+        count, full = said.get("episodes", 0), said.get("full", False)
+        if self._writer is not None or not 0 < count <= len(items) - start:
+            return 0
+        if not full and count < len(items) - start:  # it ended for want of episodes, and there are more
+            return 0
+        made_from = self._made_from(items[start : start + count])
+        if not self.draft.keep(self.draft.folder / name, made_from, episodes=count, full=full):
+            return 0
+        self.count += 1
+        return count
+
+    def _made_from(self, items: Sequence[list[Any]]) -> list[Any]:
+        return [self.schema.serialize().to_pybytes().hex(), *items]
+
+    def write(self, table: pa.Table, item: list[Any]) -> None:
+        """Write the rows of an episode that were made from `item`."""
+        path = self.draft.folder / f"data-{self.count:05d}.parquet"
         if self._writer is None:
-            self._writer = pq.ParquetWriter(self.folder / f"data-{self.count:05d}.parquet", self.schema, **self.settings)
-            self.count += 1
+            self._writer = pq.ParquetWriter(path, self.schema, **self.settings)
+        self._items.append(item)
         groups = max(1, -(-table.nbytes // self.options.group_bytes))
         self._writer.write_table(table, row_group_size=max(1, -(-len(table) // groups)))
-        if (self.folder / f"data-{self.count - 1:05d}.parquet").stat().st_size >= self.options.file_bytes:
-            self.close()
+        if path.stat().st_size >= self.options.file_bytes:
+            self.close(full=True)
 
-    def close(self) -> None:
+    def close(self, full: bool = False) -> None:
+        """Finish the file that is being written; `full` says that it would end here whatever came after."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
+            path = self.draft.folder / f"data-{self.count:05d}.parquet"
+            self.draft.made(path, self._made_from(self._items), episodes=len(self._items), full=full)
+            self.count, self._items = self.count + 1, []
 
 
 def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:

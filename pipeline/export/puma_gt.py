@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.export.common import ExportError, Facts, read_facts, reading, same, staged
+from pipeline.export.common import ExportError, Facts, read_facts, reading, same
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.lerobot_options import datasets_of
 from pipeline.export.meetings import interception
@@ -102,8 +102,8 @@ class PumaGt(Exporter[PumaGtOptions]):
 
     def export(self, job: Job[PumaGtOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes and for those of one dataset that do not fit together."""
-        with staged(job.out, job.dataset) as folder:
-            frames = 0
+        with self.draft(job) as draft:
+            folder, frames = draft.folder, 0
             for root, paths in _roots(job.episodes, folder, job.options):
                 root.mkdir(parents=True)
                 first = None

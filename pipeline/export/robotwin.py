@@ -16,10 +16,11 @@
 `--jpeg-order` must be given. The stock converters decode with cv2 and never swap: they need "bgr". Readers that swap, or use
 another decoder, need "rgb", which is what episode files hold; their bytes are copied then. `endpose` is that of the original:
 0.12 m behind the tool centre point, along its x axis. The directory's name takes the place of the original's task configuration.
+`--front-camera` names the stored camera that is written as `front_camera`; all others keep their names.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,18 +31,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
-from pipeline.data.names import SIDES
+from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped, judging, make_groups, read_facts, reading, same, staged, write_json
+from pipeline.export.common import ExportError, Facts, grouped, judging, make_groups, read_facts, reading, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.images import reordered
+from pipeline.export.images import JpegOrder, reordered
 from pipeline.export.options import one_of, option
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.poses import compose, pose
 
 BEHIND_TCP = 0.12  # m
 CAMERA_MATRICES = ("intrinsic_cv", "extrinsic_cv", "cam2world_gl")
+FRONT = "front_camera"
+
+
+def front_camera_option() -> Any:
+    """The option `front_camera`: the dataset's name of the camera that is exported as `front_camera`, or None."""
+    said = "stored camera to write as front_camera: observer, or the name of one that the recipe describes"
+    return option(said, lambda text: CAMERAS.get(text, text), None)
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,7 @@ class RobotwinOptions:
     jpeg_order: Literal["rgb", "bgr"] = option(
         "bgr for converters that decode with cv2 and never swap (RoboTwin's own), rgb for all other readers", one_of("rgb", "bgr")
     )
+    front_camera: str | None = front_camera_option()
 
 
 @register
@@ -64,8 +73,8 @@ class Robotwin(Exporter[RobotwinOptions]):
         """Write `job.out`. Raises ExportError for unreadable episodes and for those of one cell that differ in fps, cameras, image
         size or joint names."""
         order = job.options.jpeg_order
-        with staged(job.out, job.dataset) as folder:
-            frames = 0
+        with self.draft(job) as draft:
+            folder, frames = draft.folder, 0
             groups = grouped(job.episodes, configuration)
             for name, paths in groups.items():
                 root = folder / name
@@ -74,13 +83,16 @@ class Robotwin(Exporter[RobotwinOptions]):
                 first, scenes, seeds = None, {}, []
                 with closing(Provenance(root / PROVENANCE)) as rows:
                     for index, path in enumerate(paths):
+                        made, made_from = root / "data" / f"episode{index}.hdf5", ["episode", draft.hash_of(path)]
+                        kept = draft.keep(made, made_from)
                         with reading(path) as file:
                             facts = read_facts(file, job.dataset)
                             first = first or facts
                             same(first, facts)
-                            arrays = episode_arrays(file, facts)
-                            images = {camera: coded(file, camera, order) for camera in facts.cameras}
-                        _write(root / "data" / f"episode{index}.hdf5", arrays | images, facts, order)
+                            if not kept:
+                                names = written_cameras(facts, job.options.front_camera)
+                                write_arrays(made, episode_arrays(file, facts, names, order), facts, order)
+                                draft.made(made, made_from)
                         write_json(root / "instructions" / f"episode{index}.json", {"seen": facts.seen, "unseen": facts.unseen})
                         scenes[f"episode_{index}"] = scene(facts)
                         seeds.append(str(facts.spec.seed))
@@ -95,7 +107,7 @@ class Robotwin(Exporter[RobotwinOptions]):
     def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
         """Arrays and the bytes of images must be equal; for order bgr they are encoded again, which gives the same bytes."""
         try:
-            order = self.options_of(out).jpeg_order
+            options = self.options_of(out)
         except ExportError as error:
             return [str(error)]
         problems = []
@@ -105,7 +117,7 @@ class Robotwin(Exporter[RobotwinOptions]):
             problems += [f"{out / name}: {odd} is missing or belongs to no episode" for odd in sorted(found ^ wanted)]
             for index, path in enumerate(paths):
                 if f"episode{index}.hdf5" in found:
-                    problems += _compare(dataset, path, out / name, index, order)
+                    problems += _compare(dataset, path, out / name, index, options)
             with judging(out / name, problems):
                 problems += _compare_lists(dataset, paths, out / name)
             with judging(out / name / PROVENANCE, problems):
@@ -119,20 +131,35 @@ def configuration(spec: EpisodeSpec) -> str:
     return f"{task}/{'_'.join(rest)}"
 
 
-def episode_arrays(file: EpisodeFile, facts: Facts) -> dict[str, NDArray[Any]]:
-    """Everything but the images, by key."""
+def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
+    """Name in the exported file of every camera; `front` is the one written as front_camera.
+
+    Raises ExportError where the episode has no such camera, or has a front_camera beside it.
+    """
+    names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
+    if front is not None and front not in names:
+        raise ExportError(f"--front-camera: {facts.source} has no {front}; its cameras are {', '.join(names)}")
+    if front not in (None, FRONT) and FRONT in names:
+        raise ExportError(f"--front-camera: {facts.source} has a {FRONT} already; leave the option out")
+    return names
+
+
+def episode_arrays(file: EpisodeFile, facts: Facts, names: Mapping[str, str], order: JpegOrder) -> dict[str, NDArray[Any]]:
+    """Every array of an exported file by key; `names` are those of the cameras there."""
     parts = ("vector", *(f"{side}_{part}" for side in SIDES for part in ("arm", "gripper")))
     keys = [f"{group}/{part}" for group in ("joint_action", "joint_state") for part in parts]
     keys += [f"endpose/{side}_gripper" for side in SIDES]
-    keys += [f"observation/{camera}/{matrix}" for camera in facts.cameras for matrix in CAMERA_MATRICES]
     keys += ["timestamp", "target/pose", "target/velocity"]
     arrays = {key: file.array(key) for key in keys}
+    for camera, name in names.items():
+        arrays |= {f"observation/{name}/{matrix}": file.array(f"observation/{camera}/{matrix}") for matrix in CAMERA_MATRICES}
     behind = pose((-BEHIND_TCP, 0, 0))
     arrays |= {f"endpose/{side}_endpose": compose(facts.log.tcp[:, i], behind) for i, side in enumerate(SIDES)}
-    return arrays | {"pointcloud": np.zeros((len(facts), 0))}
+    arrays |= {"pointcloud": np.zeros((len(facts), 0))}
+    return arrays | {f"observation/{name}/rgb": coded(file, camera, order) for camera, name in names.items()}
 
 
-def coded(file: EpisodeFile, camera: str, order: Literal["rgb", "bgr"]) -> NDArray[np.bytes_]:
+def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_]:
     """JPEG bytes (T,) of a camera in that order, padded with zeros."""
     stored = file.array(f"observation/{camera}/rgb")
     if order == "rgb":
@@ -150,29 +177,28 @@ def scene(facts: Facts) -> dict[str, Any]:
     return {"info": said, "cluttered_table_info": list(meta.clutter), "spec": json.loads(facts.spec.to_json())}
 
 
-def _write(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: str) -> None:
+def write_arrays(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: JpegOrder) -> None:
+    """Write an exported file: its arrays by key, and attributes."""
     with h5py.File(path, "w", libver=("v110", "v110")) as f:
         f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = order, facts.fps, facts.spec.to_json()
-        named = {f"observation/{key}/rgb" if key in facts.cameras else key: values for key, values in arrays.items()}
-        make_groups(f, named)
-        for key, values in named.items():
+        make_groups(f, arrays)
+        for key, values in arrays.items():
             f[key] = values
 
 
-def _compare(dataset: Path, path: Path, root: Path, index: int, order: Literal["rgb", "bgr"]) -> list[str]:
+def _compare(dataset: Path, path: Path, root: Path, index: int, options: RobotwinOptions) -> list[str]:
     exported, words = root / "data" / f"episode{index}.hdf5", root / "instructions" / f"episode{index}.json"
     problems: list[str] = []
     with reading(path) as file:
         facts = read_facts(file, dataset)
-        arrays = episode_arrays(file, facts)
+        names = written_cameras(facts, options.front_camera)
+        arrays = episode_arrays(file, facts, names, options.jpeg_order)
         with judging(exported, problems), h5py.File(exported) as opened:
             f: Any = opened
             differ = [k for k, want in arrays.items() if not np.array_equal(f[k][()], want)]
-            if f.attrs["jpeg_order"] != order or f.attrs["spec"] != facts.spec.to_json():
+            if f.attrs["jpeg_order"] != options.jpeg_order or f.attrs["spec"] != facts.spec.to_json():
                 differ.append("JPEG order or spec")
-            for camera in facts.cameras:
-                if not np.array_equal(f[f"observation/{camera}/rgb"][()], coded(file, camera, order)):
-                    differ.append(f"{camera} images")
+            differ += [f"{camera} beside the cameras" for camera in sorted({*f["observation"]} - {*names.values()})]
             problems += [f"{exported}: {what} differ from {path}" for what in differ]
     with judging(words, problems):
         if json.loads(words.read_text()) != {"seen": facts.seen, "unseen": facts.unseen}:

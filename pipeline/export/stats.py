@@ -11,22 +11,32 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+from pipeline.export.video import samples
+
+TOGETHER = 8
+"""Frames whose colors are counted at once: few enough for the cache of a core."""
+
+PERCENTILES = (1, 10, 50, 90, 99)
 Stats = dict[str, NDArray[Any]]
 
 
 def vector_stats(values: NDArray[Any]) -> Stats:
     """Statistics of (N,) or (N,d) values over N; each entry has shape (1,) or (d,)."""
+<<<<<<< HEAD
     rows = values.reshape(len(values), -1)
     columns, order = rows.T, np.sort(rows, axis=0)
     quantiles = order[np.maximum(np.ceil(len(rows) * np.array(QUANTILES) - 1), 0).astype(int)]
+=======
+    columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
+    rising, count = np.sort(columns, axis=1), len(values)
+>>>>>>> export
     return {
-        "min": columns.min(1),
-        "max": columns.max(1),
+        "min": rising[:, 0],
+        "max": rising[:, -1],
         "mean": columns.mean(1, dtype=np.float64),
-        "std": np.array([c.std(dtype=np.float64) for c in columns]),
-        "count": np.array([len(values)]),
-        **{f"q{round(100 * q):02d}": row for q, row in zip(QUANTILES, quantiles, strict=True)},
+        "std": columns.std(1, dtype=np.float64),
+        "count": np.array([count]),
+        **{f"q{percent:02d}": rising[:, -(-count * percent // 100) - 1] for percent in PERCENTILES},
     }
 
 
@@ -44,27 +54,43 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
 
 def plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
     """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only."""
-    if frames[0].format.name != "yuvj420p":
+    first = frames[0]
+    step = _step(first.height, first.width)
+    if first.format.name != "yuvj420p" or first.width % (2 * step) or first.height % (2 * step):
         return color_counts([frame.to_ndarray(format="rgb24") for frame in frames])
-    size, counts = (frames[0].width, frames[0].height), np.zeros((3, 256), np.int64)
-    thin = slice(None, None, _step(size[1], size[0]))
-    for frame in frames:
-        luma, blue, red = (_plane(plane) for plane in frame.planes)
-        # libjpeg, too, interpolates chroma linearly; the range is the full one of a JPEG
-        chroma = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)[thin, thin] for plane in (red, blue)]
-        counts += _counts(np.asarray(cv2.cvtColor(cv2.merge([luma[thin, thin], *chroma]), cv2.COLOR_YCrCb2RGB), np.uint8))
+    counts, (width, height) = np.zeros((3, 256), np.int64), (first.width // step, first.height // step)
+    for at in range(0, len(frames), TOGETHER):
+        some = frames[at : at + TOGETHER]
+        thin: Any = np.empty((len(some), height, width, 3), np.uint8)
+        for frame, pixels in zip(some, thin, strict=True):
+            luma, blue, red = (samples(plane) for plane in frame.planes)
+            luma, *chroma = (_thinned(plane, (width, height)) for plane in (luma, _at_pixels(red, step), _at_pixels(blue, step)))
+            cv2.merge((luma, *chroma), pixels)
+        # the range is the full one of a JPEG
+        counts += _counts(cv2.cvtColor(thin.reshape(-1, width, 3), cv2.COLOR_YCrCb2RGB))
     return counts
 
 
-def _plane(plane: Any) -> NDArray[np.uint8]:
-    return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
+def _at_pixels(chroma: NDArray[np.uint8], step: int) -> Any:
+    """Chroma (h,w) interpolated linearly, as libjpeg does it, at the pixels that count: at all or, where `step` is even, at the
+    upper left of each 2 by 2 block."""
+    if step % 2:
+        return cv2.resize(chroma, (2 * chroma.shape[1], 2 * chroma.shape[0]), interpolation=cv2.INTER_LINEAR)
+    wider = cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
+    across = cv2.addWeighted(wider[:, 1:], 0.75, wider[:, :-1], 0.25, 0)
+    return cv2.addWeighted(across[1:], 0.75, across[:-1], 0.25, 0)
+
+
+def _thinned(plane: Any, size: tuple[int, int]) -> Any:
+    """A plane with `size` = (width, height) evenly spaced samples."""
+    return plane if plane.shape == size[::-1] else cv2.resize(plane, size, interpolation=cv2.INTER_NEAREST)
 
 
 def _step(height: int, width: int) -> int:
     return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
 
 
-def _counts(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
+def _counts(rgb: Any) -> NDArray[np.int64]:
     rgb = np.ascontiguousarray(rgb)
     return np.stack([cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]).astype(np.int64)
 
@@ -82,6 +108,6 @@ def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
         "mean": mean,
         "std": np.sqrt(np.maximum(counts @ values**2 / total - mean**2, 0.0)),
     }
-    for q in QUANTILES:
-        out[f"q{round(100 * q):02d}"] = values[(below >= q * total[:, None]).argmax(1)]
+    for percent in PERCENTILES:
+        out[f"q{percent:02d}"] = values[(100 * below >= percent * total[:, None]).argmax(1)]
     return {**{k: v.reshape(3, 1, 1) for k, v in out.items()}, "count": np.array([frames])}

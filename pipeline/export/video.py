@@ -1,17 +1,13 @@
-"""Video files of a LeRobot dataset: each episode encoded on its own with one thread, then appended to a file without re-encoding.
-
-Encoding an episode alone makes its packets a function of its frames only, so files are the same whatever ran beside, and every
-episode starts with a key frame. Nothing is dropped and nothing is written twice.
-"""
+"""Encodes and decodes the images of an episode: codecs, their options, and planes that go from JPEG to video as they are."""
 
 import io
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +23,12 @@ ONE_THREAD = {
     "hevc": {"threads": "1", "x265-params": "pools=none:frame-threads=1:log-level=error"},
 }
 """Options of an encoder that make its bytes a function of the frames alone."""
+
+PLAIN_QUANTISATION = {"h264": {"x264-params": "aq-mode=0:mbtree=0"}}
+"""The same where frames are predicted from others: quantisation that follows x264's look-ahead then differs now and then."""
+
+LIMITED_RANGE = ((219 / 255, 16.0), (224 / 255, 128 - 128 * 224 / 255 + 0.0075))
+"""Factor and offset from the range of a JPEG to that of a video, for luma and chroma; rounded, they give what libswscale gives."""
 
 CODECS = tuple(DEFAULTS)
 
@@ -56,7 +58,8 @@ class Codec:
     def options(self) -> dict[str, str]:
         """Options for libav; one thread, so that the same frames give the same bytes."""
         preset = self.preset or DEFAULTS[self.name][1]
-        return {"g": str(self.gop), "crf": str(self.quality), "preset": preset, **ONE_THREAD[self.name]}
+        predicted = PLAIN_QUANTISATION.get(self.name, {}) if self.gop > 1 else {}
+        return {"g": str(self.gop), "crf": str(self.quality), "preset": preset, **ONE_THREAD[self.name], **predicted}
 
     def check(self) -> None:
         """Raise ExportError for an encoder that is unknown here."""
@@ -92,6 +95,25 @@ def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
         yield frames[0]
 
 
+def limited(frame: Any) -> Any:
+    """A frame of `decoded_planes`, W and H even, in the range of videos, as libswscale makes it at three times the cost; others as
+    they are."""
+    if frame.format.name != "yuvj420p" or frame.width % 2 or frame.height % 2:
+        return frame
+    made, at = np.empty(frame.width * frame.height * 3 // 2, np.uint8), 0
+    for plane, (factor, offset) in zip(frame.planes, (LIMITED_RANGE[0], *[LIMITED_RANGE[1]] * 2), strict=True):
+        size = plane.height * plane.width
+        part: Any = made[at : at + size].reshape(plane.height, plane.width)
+        cv2.convertScaleAbs(samples(plane), part, factor, offset)
+        at += size
+    return pyav().VideoFrame.from_numpy_buffer(made.reshape(-1, frame.width), format="yuv420p")
+
+
+def samples(plane: Any) -> NDArray[np.uint8]:
+    """A plane of a frame as an array (H,W) that shares its memory."""
+    return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
+
+
 def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
     """RGB frames (H,W,3) uint8, or frames of `decoded_planes`, H and W even -> a complete mp4, one image per frame, at k / fps s.
 
@@ -104,7 +126,7 @@ def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
         with av.open(buffer, "w", format="mp4") as container:
             stream: Any = None
             for given in frames:
-                frame = given if isinstance(given, av.VideoFrame) else av.VideoFrame.from_ndarray(given, format="rgb24")
+                frame = limited(given) if isinstance(given, av.VideoFrame) else av.VideoFrame.from_ndarray(given, format="rgb24")
                 if stream is None:
                     stream = container.add_stream(codec.name, fps, options=codec.options())
                     stream.height, stream.width, stream.pix_fmt, stream.thread_count = frame.height, frame.width, codec.pix_fmt, 1
@@ -123,47 +145,3 @@ def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8
         for frame in container.decode(stream):
             assert frame.pts is not None and frame.time_base is not None
             yield float(frame.pts * frame.time_base), np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
-
-
-@dataclass
-class VideoFile:
-    """An mp4 that grows by episodes; `frames` and `size` (bytes of packets) tell when to begin another. Close it once."""
-
-    path: Path
-    fps: int
-    frames: int = 0
-    size: int = 0
-    _output: Any = field(default=None, repr=False)
-    _stream: Any = field(default=None, repr=False)
-
-    def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
-        """Add an episode encoded by `encode`, which has `frames` images; returns where it starts and ends in the file, in s.
-
-        Raises ValueError when the video does not hold that many images.
-        """
-        av = pyav()
-        with av.open(io.BytesIO(mp4)) as source:
-            template = source.streams.video[0]
-            if self._output is None:
-                self.path.parent.mkdir(parents=True, exist_ok=True)
-                self._output = av.open(str(self.path), "w", format="mp4", options={"movflags": "faststart"})
-                self._stream = self._output.add_stream_from_template(template, opaque=True)
-                self._stream.time_base = template.time_base
-            packets: list[Any] = [p for p in source.demux(template) if p.dts is not None]
-            if len(packets) != frames:
-                raise ValueError(f"the encoder returned {len(packets)} images for {frames} frames")
-            tick = Fraction(1, self.fps) / Fraction(template.time_base or 1)
-            for packet in packets:
-                packet.pts, packet.dts = int(packet.pts + self.frames * tick), int(packet.dts + self.frames * tick)
-                packet.stream = self._stream
-                self.size += packet.size
-                self._output.mux(packet)
-        start = self.frames / self.fps
-        self.frames += frames
-        return start, self.frames / self.fps
-
-    def close(self) -> None:
-        """Finish the file."""
-        if self._output is not None:
-            self._output.close()
-            self._output = None

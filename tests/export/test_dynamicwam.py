@@ -103,3 +103,17 @@ def test_what_the_converter_refuses_is_refused_here(tmp_path, how, message):
     with pytest.raises(ExportError, match=message):
         run("dynamicwam", tmp_path, tmp_path / "out", [path])
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("stored", "option"), [("observer_camera", None), ("front_camera", None), ("side", "side")])
+def test_the_front_camera_that_the_collection_wants(tmp_path, monkeypatch, stored, option):
+    monkeypatch.setitem(COLORS, stored, (200, 180, 20))
+    path = make_episode(episode_path(tmp_path), frames=4, cameras=("head_camera", "left_camera", "right_camera", stored))
+    run("dynamicwam", tmp_path, tmp_path / "out", [path], front_camera=option)
+    file = tmp_path / "out" / PLACE / "data" / "episode0.hdf5"
+    converter_reads(file)
+    with h5py.File(file) as f:
+        assert sorted(f["observation"]) == ["front_camera", "head_camera", "left_camera", "right_camera"]
+        rgb = cv2.imdecode(np.frombuffer(f["observation/front_camera/rgb"][0], np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    assert (np.abs(rgb.astype(int) - COLORS[stored]).max(-1) < 25).sum() > 1200
+    assert check_exports(tmp_path, tmp_path / "out", "dynamicwam", [path]) == []

@@ -116,7 +116,7 @@ def test_the_order_has_no_default():
     [
         ("joint_action/vector", lambda x: x + 1e-9, "joint_action/vector differ"),
         ("endpose/left_endpose", lambda x: x[::-1], "endpose/left_endpose differ"),
-        ("observation/head_camera/rgb", lambda x: x[::-1], "head_camera images differ"),
+        ("observation/head_camera/rgb", lambda x: x[::-1], "observation/head_camera/rgb differ"),
     ],
 )
 @pytest.mark.parametrize("order", ["rgb", "bgr"])
@@ -129,3 +129,24 @@ def test_check_sees_what_was_changed(tmp_path, episodes, order, key, spoil, mess
         f[key] = data
     problems = check_exports(tmp_path, out, "robotwin", episodes[:1])
     assert len(problems) == 1 and message in problems[0]
+
+
+def test_a_stored_camera_becomes_the_front_camera(tmp_path):
+    path = make_episode(episode_path(tmp_path), frames=3, cameras=(*CAMERAS[:2], "observer_camera"))
+    plain, out = tmp_path / "plain", tmp_path / "out"
+    run("robotwin", tmp_path, plain, [path])
+    run("robotwin", tmp_path, out, [path], front_camera="observer_camera")
+    with h5py.File(plain / CONFIGURATION / "data/episode0.hdf5") as f, h5py.File(out / CONFIGURATION / "data/episode0.hdf5") as g:
+        assert sorted(f["observation"]) == ["head_camera", "left_camera", "observer_camera"]
+        assert sorted(g["observation"]) == ["front_camera", "head_camera", "left_camera"]
+        for key in ("rgb", "cam2world_gl", "intrinsic_cv"):
+            np.testing.assert_array_equal(g["observation/front_camera"][key][()], f["observation/observer_camera"][key][()])
+    assert check_exports(tmp_path, out, "robotwin", [path]) == []
+    with pytest.raises(
+        ExportError, match=r"--front-camera: .* has no side; its cameras are head_camera, left_camera, observer_camera"
+    ):
+        run("robotwin", tmp_path, out, [path], front_camera="side")
+    assert (
+        parse_options("robotwin", RobotwinOptions, {"jpeg_order": "rgb", "front_camera": "observer"}).front_camera
+        == "observer_camera"
+    )

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.export.stats import QUANTILES, color_counts, image_stats, sample_rows, vector_stats
+from pipeline.export.stats import PERCENTILES, color_counts, image_stats, sample_rows, vector_stats
 
 
 @given(hnp.arrays(np.float32, st.tuples(st.integers(1, 60), st.integers(1, 3)), elements=st.floats(-100, 100, width=32)))
@@ -16,10 +16,10 @@ def test_vector_stats_are_numpys(values):
     np.testing.assert_allclose(stats["mean"], values.astype(float).mean(0), atol=1e-9)
     np.testing.assert_allclose(stats["std"], values.astype(float).std(0), atol=1e-5)
     assert stats["count"] == [len(values)]
-    for q in QUANTILES:
-        for column, got in zip(values.T, stats[f"q{round(100 * q):02d}"], strict=True):
+    for percent in PERCENTILES:
+        for column, got in zip(values.T, stats[f"q{percent:02d}"], strict=True):
             ranked = np.sort(column)
-            assert got == next(x for k, x in enumerate(ranked, 1) if k / len(ranked) >= q - 1e-12)
+            assert got == next(x for k, x in enumerate(ranked, 1) if 100 * k >= percent * len(ranked))
 
 
 def test_scalar_columns_have_shape_one():

@@ -9,7 +9,8 @@ import pytest
 
 from pipeline.data.jpeg import EpisodeError, decode_frame, encode_frames
 from pipeline.export.stats import color_counts, plane_counts
-from pipeline.export.video import Codec, VideoFile, decoded_planes, encode, frames_of
+from pipeline.export.video import Codec, decoded_planes, encode, frames_of, limited, samples
+from pipeline.export.video_file import Clip, VideoFile
 
 FPS = 15
 CODECS = {"default": Codec(), "av1": Codec("libsvtav1"), "h264": Codec("h264", crf=23, preset="veryfast")}
@@ -27,7 +28,7 @@ def clip(frames: int, seed: int) -> list[np.ndarray]:
 def test_episodes_in_one_file_keep_count_time_and_colour(tmp_path, codec):
     clips = [clip(n, n) for n in (5, 8, 1)]
     video = VideoFile(tmp_path / "chunk" / "file.mp4", FPS)
-    spans = [video.append(encode(c, FPS, codec), len(c)) for c in clips]
+    spans = [video.append(Clip.of(encode(c, FPS, codec)), len(c)) for c in clips]
     video.close()
     assert spans == [(0.0, 5 / 15), (5 / 15, 13 / 15), (13 / 15, 14 / 15)]
     got = list(frames_of(video.path))
@@ -43,12 +44,41 @@ def test_same_frames_same_bytes(codec):
     assert encode(clip(6, 1), FPS, codec) == encode(clip(6, 1), FPS, codec)
 
 
+@pytest.mark.parametrize(("preset", "size"), [("faster", (64, 258)), ("fast", (52, 36)), ("slower", (52, 36))])
+def test_frames_predicted_from_others_give_the_same_bytes_whatever_the_memory_held_before(preset, size):
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(0, 255, (*size, 3), np.uint8) for _ in range(7)]
+    held, videos = [], set()
+    for _ in range(25):
+        held = [*held[-20:], rng.bytes(int(rng.integers(1000, 400000)))]  # so that buffers come from memory that was written to
+        videos.add(encode(iter(frames), FPS, Codec("h264", gop=15, preset=preset)))
+    assert len(videos) == 1
+
+
+def test_only_videos_with_predicted_frames_quantise_plainly():
+    assert "x264-params" not in Codec().options() and "x264-params" not in Codec("h264", preset="veryfast").options()
+    assert Codec("h264", gop=2).options()["x264-params"] == "aq-mode=0:mbtree=0"
+
+
+def test_the_range_of_a_jpeg_becomes_that_of_a_video_as_libswscale_does_it():
+    import av
+
+    values = np.arange(256, dtype=np.uint8)
+    frame = av.VideoFrame(512, 16, "yuvj420p")
+    for plane in frame.planes:
+        rows = np.zeros((plane.height, plane.line_size), np.uint8)
+        rows[:, : plane.width] = np.resize(values, plane.width)
+        plane.update(rows.tobytes())
+    for got, want in zip(limited(frame).planes, frame.reformat(format="yuv420p").planes, strict=True):
+        np.testing.assert_array_equal(samples(got), samples(want))
+
+
 def test_every_episode_starts_with_a_key_frame_even_with_gaps_between_them(tmp_path):
     import av
 
     video = VideoFile(tmp_path / "file.mp4", FPS)
     for n in (3, 3, 2):  # odd lengths: a key frame every second frame would miss the starts
-        video.append(encode(clip(n, n), FPS, Codec(gop=2)), n)
+        video.append(Clip.of(encode(clip(n, n), FPS, Codec(gop=2))), n)
     video.close()
     with av.open(str(video.path)) as container:
         keys = [p.is_keyframe for p in container.demux(video=0) if p.dts is not None]
@@ -68,7 +98,7 @@ def test_slow_motion_is_not_drawn_late():
 
 def test_a_lost_frame_is_noticed(tmp_path):
     with pytest.raises(ValueError, match="4 images for 5 frames"):
-        VideoFile(tmp_path / "file.mp4", FPS).append(encode(clip(4, 0), FPS, Codec()), 5)
+        VideoFile(tmp_path / "file.mp4", FPS).append(Clip.of(encode(clip(4, 0), FPS, Codec())), 5)
 
 
 def test_frames_of_reads_from_memory_too():

@@ -1,0 +1,132 @@
+"""What an export takes over from the older one at its place: a dataset that grew is exported again at the price of what is new.
+
+`sources.json` of an export says with which code, packages and options it was made, the sha256 of every episode file, and of each
+file that takes long to make what it was made from, and its sha256. A file that would be made from the same by the same is linked
+into the new export instead, if its bytes are still those; so is every other file that came out the same. An export always is, byte
+for byte, what one to an empty directory would be; files that do not change keep their inode and time.
+"""
+
+import filecmp
+import functools
+import hashlib
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.keys import digest, file_hash
+from pipeline.data.reading import parse_json, read_regular
+from pipeline.export.common import SOURCES, ExportError, source_of, write_json
+
+ROOMS = ("data", "export", "motion")
+"""Packages whose code decides the bytes of exports, beside poses.py."""
+
+PACKAGES = ("av", "h5py", "lerobot", "numpy", "opencv-python-headless", "pandas", "pyarrow")
+
+
+@functools.cache
+def code() -> dict[str, str]:
+    """Hash of the code that writes exports, and versions of the packages it uses."""
+    root, h = Path(__file__).parents[1], hashlib.sha256()
+    for path in sorted([root / "poses.py", *(file for room in ROOMS for file in (root / room).rglob("*.py"))]):
+        h.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    versions = {}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return {"code": h.hexdigest(), **versions}
+
+
+class Older:
+    """The export that a new one replaces; it lends nothing where it was made otherwise, or there is none."""
+
+    def __init__(self, root: Path, made_with: Mapping[str, Any]) -> None:
+        self.root = root
+        self._sound: dict[str, bool] = {}
+        self.files: dict[str, dict[str, Any]] = {}
+        try:
+            said = parse_json(read_regular(root / SOURCES))
+            if digest(said["made_with"]) == digest(made_with):
+                self.files = {str(name): dict(entry) for name, entry in said["files"].items()}
+            self._names = {entry["from"]: name for name, entry in self.files.items()}
+        except (OSError, ValueError, TypeError, KeyError, AttributeError):
+            self.files, self._names = {}, {}
+
+    def made_from(self, key: str) -> str | None:
+        """Name of a file that was made from that and is as it was written, or None."""
+        name = self._names.get(key)
+        return name if name is not None and self.sound(name) else None
+
+    def sound(self, name: str) -> Path | None:
+        """A file by its relative name if its bytes are those that were written, or None."""
+        path = self.root / name
+        if name not in self._sound:
+            inside = name in self.files and path.resolve().is_relative_to(self.root.resolve())
+            try:
+                self._sound[name] = inside and not path.is_symlink() and file_hash(path) == self.files[name].get("sha256")
+            except OSError:
+                self._sound[name] = False
+        return path if self._sound[name] else None
+
+
+class Draft:
+    """An export while it is written to `folder`: take over what the older one has by `keep`, name what is written by `made`."""
+
+    def __init__(self, folder: Path, out: Path, made_with: Mapping[str, Any]) -> None:
+        self.folder, self.out = folder, out
+        self.made_with = {**made_with, "with": code()}
+        self.older = Older(out, self.made_with)
+        self._hashes: dict[Path, str] = {}
+        self._files: dict[str, dict[str, Any]] = {}
+
+    def hash_of(self, episode: Path) -> str:
+        """sha256 of an episode file. Raises ExportError for one that cannot be read."""
+        if episode not in self._hashes:
+            try:
+                self._hashes[episode] = file_hash(episode)
+            except OSError as error:
+                raise ExportError(f"{episode}: cannot be read ({error.strerror}); run the build again") from error
+        return self._hashes[episode]
+
+    def keep(self, path: Path, made_from: Any, **said: Any) -> bool:
+        """Whether the older export has a file made from the same (plain data); it then is at `path`, below `folder`, too."""
+        key = digest([path.suffix, made_from])
+        older = self.older.made_from(key)
+        if older is None:
+            return False
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _link(self.older.root / older, path)
+        self._files[self._name(path)] = {"from": key, "sha256": self.older.files[older]["sha256"], **said}
+        return True
+
+    def made(self, path: Path, made_from: Any, **said: Any) -> None:
+        """Say what a file was made from that has been written; `said` is kept with it."""
+        self._files[self._name(path)] = {"from": digest([path.suffix, made_from]), "sha256": file_hash(path), **said}
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.folder).as_posix()
+
+    def finish(self, dataset: Path, episodes: Sequence[Path]) -> None:
+        """Write sources.json, and take over every other file that the older export has with the same name and bytes."""
+        hashes = {source_of(path, dataset): self.hash_of(path) for path in episodes}
+        write_json(self.folder / SOURCES, {"made_with": self.made_with, "episodes": hashes, "files": self._files})
+        for path in sorted(self.folder.rglob("*")):
+            older = self.out / path.relative_to(self.folder)
+            if path.is_file() and older.is_file() and not older.is_symlink() and _same(path, older):
+                path.unlink()
+                _link(older, path)
+
+
+def _same(path: Path, other: Path) -> bool:
+    return not os.path.samefile(path, other) and filecmp.cmp(path, other, shallow=False)
+
+
+def _link(older: Path, path: Path) -> None:
+    """Make `path` the same file, or where the file system has no links, a copy with the same time."""
+    try:
+        os.link(older, path)
+    except OSError:
+        shutil.copy2(older, path)
