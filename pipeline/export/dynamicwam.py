@@ -6,14 +6,10 @@
       episodes.parquet               where each episode comes from
 
 Fields that begin with `first_`, and `stable_grasp_succeeded`, say in each frame what has happened until then; where nothing has,
-<<<<<<< HEAD
 steps and times are -1 and poses and points zero. Counts are those of contact points, in episodes of schema 2 of touching links. The
 converter takes 14-wide vectors only.
-=======
-steps and times are -1 and poses and points zero. Counts are those of touching links. The converter takes 14-wide vectors only.
 The validator of the original's collection also wants a `front_camera`: the one that `--front-camera` names, else a stored camera of
 that name, else the observer; where there is none of them the file has none.
->>>>>>> export
 """
 
 import json

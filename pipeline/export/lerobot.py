@@ -128,13 +128,8 @@ class Writer:
         same(self.first, facts)
         index, task = self.provenance.count, self.tasks.setdefault(facts.instruction, len(self.tasks))
         columns = data_columns(facts, self.names, index, self.frames, task)
-<<<<<<< HEAD
         stats = column_stats(columns)
-        for camera, counts in episode.colors.items():
-=======
-        stats = {name: vector_stats(values) for name, values in columns.items()}
         for camera, counts in episode.encoded.colors.items():
->>>>>>> export
             key = image_key(self.names[camera])
             stats[key] = image_stats(counts, episode.encoded.sampled)
             self.colors[key] = self.colors.get(key, 0) + counts
@@ -188,19 +183,8 @@ class V3Writer(Writer):
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-<<<<<<< HEAD
-        texts = language_columns(facts, self.names, self.data.schema)
-        self.data.write(data_table(columns | texts, self.data.schema))
-        for camera, mp4 in episode.videos.items():
-            row |= self._append_video(image_key(self.names[camera]), mp4, facts)
-=======
-        self.data.write(data_table(columns, self.data.schema))
-        places = {}
-        for camera, clip in episode.encoded.videos.items():
-            key = image_key(self.names[camera])
-            row |= self._append_video(key, clip, facts)
-            places[camera] = self.videos[key].path, self.videos[key].frames - length
->>>>>>> export
+        stats = column_stats(columns)
+        for camera, counts in episode.encoded.colors.items():
         row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
         row |= {f"domino.{name}": value for name, value in scalars(facts).items()}
         if self.rows_to is None:

@@ -22,14 +22,8 @@ Stats = dict[str, NDArray[Any]]
 
 def vector_stats(values: NDArray[Any]) -> Stats:
     """Statistics of (N,) or (N,d) values over N; each entry has shape (1,) or (d,)."""
-<<<<<<< HEAD
-    rows = values.reshape(len(values), -1)
-    columns, order = rows.T, np.sort(rows, axis=0)
-    quantiles = order[np.maximum(np.ceil(len(rows) * np.array(QUANTILES) - 1), 0).astype(int)]
-=======
     columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
     rising, count = np.sort(columns, axis=1), len(values)
->>>>>>> export
     return {
         "min": rising[:, 0],
         "max": rising[:, -1],
