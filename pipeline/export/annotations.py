@@ -16,9 +16,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
+from pipeline.data.episode import EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.export.common import ExportError
+from pipeline.export.common import ExportError, Facts
+from pipeline.export.freshness import command, stale
 
 IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})
 """What Hugging Face datasets stores an image as."""
@@ -92,14 +94,16 @@ def annotation_hashes(joined: Sequence[Joined], dataset: Path, source: str) -> l
         raise ExportError(f"{error.filename}: cannot be read ({error.strerror}); run annotate again") from error
 
 
-def annotation_columns(joined: Sequence[Joined], dataset: Path, source: str, frames: int) -> dict[str, pa.Array]:
-    """Columns of an episode, `source` being its path in the dataset.
+def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts) -> dict[str, pa.Array]:
+    """Columns of an open episode.
 
-    Raises ExportError for an annotation that is damaged or has not as many frames as the episode.
+    Raises ExportError for an annotation that is damaged, was made from something else than the episode shows now, or has not as
+    many frames.
     """
     columns: dict[str, pa.Array] = {}
+    source, frames = facts.source, len(facts)
     for one in joined:
-        path = _file_of(one, dataset, source)
+        path, stage = _file_of(one, dataset, source), {"stage": one.stage, "parameters": one.parameters}
         try:
             entry = read_entry(path)
         except FileNotFoundError:
@@ -109,7 +113,9 @@ def annotation_columns(joined: Sequence[Joined], dataset: Path, source: str, fra
             raise ExportError(str(error)) from error
         lengths = {len(a) for a in entry.arrays.values()}
         if lengths != {frames}:
-            raise ExportError(f"{path}: is not of the {frames} frames of {source}; run annotate again")
+            raise ExportError(f"{path}: is not of the {frames} frames of {source}; run {command(dataset, stage)}")
+        if why := stale(entry, stage, file, facts, dataset):
+            raise ExportError(f"{path}: is out of date, {why}; run {command(dataset, stage)}")
         made = {"flow": _flow, "masks": _masks, "features": _features}[one.stage](entry)
         for (name, kind), values in zip(one.columns.items(), made, strict=True):
             columns[name] = pa.array(values, kind)

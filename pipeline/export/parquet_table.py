@@ -113,7 +113,7 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
         seen = track(facts.meta.drawing.cameras[camera].camera(camera).type, poses, facts.target[:, :3])
         for kind, value in (("camera_pose", poses), ("target_track", seen), ("trace", trace_of(facts, camera))):
             columns[f"{kind}_{name}"] = _lists(value)
-    columns |= annotation_columns(plan.joined, dataset, facts.source, frames)
+    columns |= annotation_columns(plan.joined, dataset, file, facts)
     for camera, column in plan.images.items():
         coded = file.array(f"observation/{camera}/rgb").tolist()
         columns[column] = pa.array([{"bytes": jpeg, "path": None} for jpeg in coded], IMAGE)

@@ -3,16 +3,21 @@
 import json
 
 import cv2
+import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from pipeline.annotate.masks import pack
+from pipeline.annotate.stage import encoded_frames, frames_inputs, sim_reading
 from pipeline.annotate.store import annotation_path, write_entry, write_stage
+from pipeline.data.annotations import Entry
 from pipeline.data.cameras import project
 from pipeline.data.episode import open_episode
 from pipeline.export import ExportError, check_exports
+from pipeline.export.common import read_facts
+from pipeline.export.freshness import command, stale
 from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode
 
@@ -139,10 +144,17 @@ def annotated(tmp_path, episode, frames):
     masks = {"mask": pack(mask), "box": np.ones((frames, 2, 4), np.float32), "score": np.ones((frames, 2), np.float32)}
     masks |= {"area": mask.sum((2, 3)), "valid": mask.any((2, 3))}
     said = {"objects": ["target", "other"], "height": 6, "width": 7}
+    of_images = {"inputs": images(episode)}
     for directory, stage, arrays, attributes in (("flow@00000001", "flow", flow, {}), ("masks@00000002", "masks", masks, said)):
         write_stage(tmp_path, directory, {"stage": stage, "version": 1, "parameters": {"camera": "head_camera", "source": "sim"}})
-        write_entry(annotation_path(tmp_path, directory, relative), "key", arrays, attributes)
+        write_entry(annotation_path(tmp_path, directory, relative), "key", arrays, attributes | of_images)
     return flow, mask
+
+
+def images(episode):
+    """What a stage that reads the images of the head camera says it was made from."""
+    with open_episode(episode) as e:
+        return frames_inputs(encoded_frames(e, "head_camera"))
 
 
 def coco_decode(counts, height, width):
@@ -175,6 +187,45 @@ def test_annotations_are_joined_where_there_are_some(tmp_path, episodes):
     write_entry(annotation_path(tmp_path, "flow@00000001", second.relative_to(tmp_path / "episodes")), "key", flow, {})
     with pytest.raises(ExportError, match=r"flow@00000001.*not of the 6 frames"):
         run("parquet", tmp_path, out, episodes)
+
+
+def test_an_annotation_of_other_images_is_not_joined(tmp_path, episodes):
+    first = sorted(episodes)[0]
+    annotated(tmp_path, first, 5)
+    out = tmp_path / "out"
+    run("parquet", tmp_path, out, [first])
+    with h5py.File(first, "r+") as f:
+        jpegs = f["observation/head_camera/rgb"][()]
+        f["observation/head_camera/rgb"][...] = jpegs[::-1]
+    with pytest.raises(
+        ExportError, match=r"flow@00000001/.*\.h5: is out of date, it was made from other images; run domino-data"
+    ) as error:
+        run("parquet", tmp_path, out, [first])
+    assert str(error.value).endswith(f"annotate {tmp_path} --stages flow --cameras head_camera --flow-source sim")
+    assert any("out of date" in problem for problem in check_exports(tmp_path, out, "parquet", [first]))
+    run("parquet", tmp_path, out, [first], annotations="none")
+
+
+def test_annotations_of_the_simulators_truth_are_compared_with_the_state_log_and_features_with_their_masks(tmp_path):
+    path = make_episode(episode_path(tmp_path), frames=3, segmentation=True, depth=True)
+    with open_episode(path) as e:
+        facts = read_facts(e, tmp_path)
+        inputs = json.loads(json.dumps(sim_reading(e, "head_camera", True, None)[0]))
+        stage = {"stage": "flow", "parameters": {"camera": "head_camera"}}
+        assert stale(Entry("", {}, {"inputs": inputs}, ""), stage, e, facts, tmp_path) is None
+        moved = inputs | {"scene": inputs["scene"] | {"state": "another"}}
+        assert stale(Entry("", {}, {"inputs": moved}, ""), stage, e, facts, tmp_path) == "it was made from other physics"
+        seen = inputs | {"stored": "another"}
+        assert stale(Entry("", {}, {"inputs": seen}, ""), stage, e, facts, tmp_path) == "it was made from other truth"
+        features = {"stage": "features", "parameters": {"camera": "head_camera", "masks": "masks@1", "mask_source": "sim"}}
+        place = annotation_path(tmp_path, "masks@1", path.relative_to(tmp_path / "episodes"))
+        made = write_entry(place, "key", {"mask": np.zeros(3)}, {})
+        of_masks = images(path) | {"masks": made.checksum}
+        assert stale(Entry("", {}, {"inputs": of_masks}, ""), features, e, facts, tmp_path) is None
+        write_entry(place, "key", {"mask": np.ones(3)}, {})
+        assert stale(Entry("", {}, {"inputs": of_masks}, ""), features, e, facts, tmp_path) == "it was made from other masks"
+        assert stale(Entry("", {}, {}, ""), features, e, facts, tmp_path) == "it does not say what it was made from"
+    assert command(tmp_path, features).endswith(" --stages masks,features --cameras head_camera --mask-source sim")
 
 
 def _without(tmp_path, episodes):

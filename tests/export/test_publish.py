@@ -76,7 +76,7 @@ def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export
     pq.write_table(pa.table({"x": [b"\0" * 1000] * 100}), export / "large.parquet", compression="zstd", use_dictionary=False)
     shipment = prepare(export, "me/set", private=False)
     said = shipment.said()
-    assert "./ has 4 files, 2 are allowed" in said and "no card can be read" in said
+    assert "./ has 5 files, 2 are allowed" in said and "no card can be read" in said
     assert "large.parquet has a row group of" in said
     with pytest.raises(ExportError, match="are allowed"):
         publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
