@@ -24,8 +24,9 @@ ONE_THREAD = {
 }
 """Options of an encoder that make its bytes a function of the frames alone."""
 
-PLAIN_QUANTISATION = {"h264": {"x264-params": "aq-mode=0:mbtree=0"}}
-"""The same where frames are predicted from others: quantisation that follows x264's look-ahead then differs now and then."""
+PREDICTED = {"h264": {"bf": "0", "x264-params": "aq-mode=0:mbtree=0"}, "hevc": {"bf": "0"}}
+"""Options where frames are predicted from others. Quantisation that follows x264's look-ahead differs now and then. Without frames
+predicted from later ones, packets of episodes of any length can follow each other."""
 
 LIMITED_RANGE = ((219 / 255, 16.0), (224 / 255, 128 - 128 * 224 / 255 + 0.0075))
 """Factor and offset from the range of a JPEG to that of a video, for luma and chroma; rounded, they give what libswscale gives."""
@@ -58,7 +59,7 @@ class Codec:
     def options(self) -> dict[str, str]:
         """Options for libav; one thread, so that the same frames give the same bytes."""
         preset = self.preset or DEFAULTS[self.name][1]
-        predicted = PLAIN_QUANTISATION.get(self.name, {}) if self.gop > 1 else {}
+        predicted = PREDICTED.get(self.name, {}) if self.gop > 1 else {}
         return {"g": str(self.gop), "crf": str(self.quality), "preset": preset, **ONE_THREAD[self.name], **predicted}
 
     def check(self) -> None:
