@@ -1,17 +1,25 @@
 """Seconds an episode costs in each export format, against bare encoding of the same frames (codecs: benchmarks/video_codecs.py).
 
-    python -m benchmarks.export [--episodes 6] [--frames 200] [--episode FILE ...]
+    python -m benchmarks.export [--episodes 6] [--frames 200] [--grow 2] [--episode FILE ...]
 
 Without --episode it exports drawn episodes: three cameras of 320x240, a textured room, an arm and a target in motion.
+
+The floor of the LeRobot formats is PyAV alone: RGB arrays in memory -> H.264 in an mp4 in memory, one thread, the export's
+settings. It includes the conversion of RGB to YUV and nothing else: no reading, no JPEG, no statistics, no table, no file, no
+check. The export begins at the episode files and ends with the directory, in one process, too. "by lerobot" is lerobot's add_frame and
+save_episode with the same encoder, given the features that the export has and the same episode files. Rows are measured in turns,
+`--turns` times; medians count, of the CPU time, because a machine in use by others makes wall time longer than it is.
 """
 
 import argparse
 import os
 import platform
+import shutil
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -25,6 +33,8 @@ from pipeline.data.meta import CameraInfo, EpisodeMeta
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import CONTACT_DTYPE, Event, StateLog
 from pipeline.export import EXPORTERS, Job
+from pipeline.export.common import exported_cameras, read_facts, reading
+from pipeline.export.lerobot_format import CLOCK_FEATURES, data_columns, features_of, image_key
 from pipeline.export.video import Codec, encode
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import pose
@@ -98,11 +108,32 @@ def drawn_episode(path: Path, frames: int, slot: int) -> Path:
     return path
 
 
-def seconds(call: Callable[[], object]) -> tuple[float, float]:
-    """Wall and CPU seconds of a call."""
-    wall, cpu = time.perf_counter(), time.process_time()
-    call()
-    return time.perf_counter() - wall, time.process_time() - cpu
+@dataclass
+class Row:
+    """Measurements of one row of the table: wall and CPU seconds of every turn, and bytes written."""
+
+    name: str
+    call: Callable[[], object]
+    floor: "Row | None" = None
+    written: Path | None = None
+    wall: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+
+    def turn(self) -> None:
+        """Call once, as if nothing had been written before."""
+        if self.written is not None:
+            shutil.rmtree(self.written, ignore_errors=True)
+        wall, cpu = time.perf_counter(), time.process_time()
+        self.call()
+        self.wall.append(time.perf_counter() - wall)
+        self.cpu.append(time.process_time() - cpu)
+
+    def line(self, episodes: int) -> str:
+        """The row of the table."""
+        wall, cpu = (float(np.median(values)) / episodes for values in (self.wall, self.cpu))
+        size = f"{megabytes(self.written) / episodes:11.2f}" if self.written is not None else " " * 11
+        ratio = f"{np.median(np.array(self.cpu) / np.array(self.floor.cpu)):9.2f}" if self.floor is not None else ""
+        return f"{self.name:42} {wall:10.3f} {cpu:14.3f} {3600 / cpu:15.0f} {size} {ratio}".rstrip()
 
 
 def read_pictures(paths: list[Path]) -> list[list[NDArray[np.uint8]]]:
@@ -114,8 +145,8 @@ def read_pictures(paths: list[Path]) -> list[list[NDArray[np.uint8]]]:
     return out
 
 
-def formats(paths: list[Path], root: Path) -> list[tuple[str, float, float, float]]:
-    """(name, wall s, CPU s, megabytes) for each format, its check and its floor; totals over all episodes."""
+def rows_of(paths: list[Path], root: Path) -> list[Row]:
+    """Each format, its floor and its check."""
     pictures = read_pictures(paths)
     jpegs = []
     for path in paths:
@@ -134,30 +165,77 @@ def formats(paths: list[Path], root: Path) -> list[tuple[str, float, float, floa
         for data in jpegs:
             (root / "floor").write_bytes(data)
 
-    encoding = ("encode alone", bare_encode)
-    copying = ("write JPEG bytes", write_jpegs)
-    floors = {
-        "lerobot": encoding,
-        "lerobot-v2.1": encoding,
-        "aloha": ("write raw images", write_raw),
-        "parquet": copying,
-        "robotwin": copying,
-        "dynamicwam": copying,
-    }
-    rows = []
+    encoding, copying = Row("floor: PyAV encodes RGB arrays", bare_encode), Row("floor: write the JPEG bytes", write_jpegs)
+    raw = Row("floor: write raw images", write_raw)
+    floors = {"lerobot": encoding, "lerobot-v2.1": encoding, "aloha": raw}
+    rows = [encoding, copying, raw]
     for name, exporter in EXPORTERS.items():
         out = root / "exports" / name
         job = Job(root, out, paths, exporter.options(**REQUIRED.get(name, {})))
         exporter.export(replace(job, episodes=paths[:1]))  # imports and encoder start-up are no cost of an episode
-        rows.append((name, *seconds(lambda: exporter.export(job)), _megabytes(out)))  # noqa: B023
-        if name in floors:
-            said, floor = floors[name]
-            rows.append((f"{name}: floor, {said}", *seconds(floor), 0.0))
-        rows.append((f"{name}: check", *seconds(lambda: exporter.check(root, out, paths)), 0.0))  # noqa: B023
+        row = Row(name, partial(exporter.export, job), floors.get(name, copying), out)
+        rows += [row, Row(f"{name}: check", partial(exporter.check, root, out, paths))]
+    rows.append(Row("by lerobot: add_frame, save_episode", partial(by_lerobot, paths, root), encoding, root / "by_lerobot"))
     return rows
 
 
-def _megabytes(folder: Path) -> float:
+def by_lerobot(paths: list[Path], root: Path) -> None:
+    """The same dataset by lerobot's own writer: features, images and encoder settings are those of our export."""
+    from lerobot.configs import RGBEncoderConfig
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    codec, writer, names = Codec(), None, {}
+    for path in paths:
+        with reading(path) as file:
+            facts = read_facts(file, root)
+            names = names or exported_cameras(facts, {})
+            columns = data_columns(facts, names, 0, 0, 0)
+            if writer is None:
+                given = {n: f for n, f in features_of(facts, codec, names).items() if n not in CLOCK_FEATURES}
+                features = {n: {"dtype": f["dtype"], "shape": tuple(f["shape"]), "names": f["names"]} for n, f in given.items()}
+                encoder = RGBEncoderConfig(vcodec=codec.name, g=codec.gop, crf=codec.quality, preset=codec.options()["preset"])
+                writer = LeRobotDataset.create(
+                    "benchmark/by_lerobot",
+                    facts.fps,
+                    features,
+                    root / "by_lerobot",
+                    video_backend="pyav",
+                    rgb_encoder=encoder,
+                    encoder_threads=1,
+                )
+            images = {image_key(name): list(file.frames(camera)) for camera, name in names.items()}
+            vectors = {name: values for name, values in columns.items() if name not in CLOCK_FEATURES}
+            for t in range(len(facts)):
+                frame = {name: values[t] for name, values in (vectors | images).items()}
+                writer.add_frame({**frame, "task": facts.instruction})
+        writer.save_episode(parallel_encoding=False)
+    if writer is not None:
+        writer.finalize()
+
+
+def growth(paths: list[Path], new: int, root: Path) -> list[str]:
+    """What exporting again costs after the last `new` episodes were added, a line a format: seconds, and bytes written anew."""
+    lines = []
+    for name, exporter in EXPORTERS.items():
+        out = root / "grown" / name
+        job = Job(root, out, paths, exporter.options(**REQUIRED.get(name, {})))
+        exporter.export(replace(job, episodes=paths[:-new]))
+        before = {p.stat().st_ino for p in out.rglob("*") if p.is_file()}
+        cpu = time.process_time()
+        exporter.export(job)
+        again = time.process_time() - cpu
+        anew = [p.stat().st_size for p in out.rglob("*") if p.is_file() and p.stat().st_ino not in before]
+        shutil.rmtree(out)
+        cpu = time.process_time()
+        exporter.export(job)
+        whole = time.process_time() - cpu
+        size = f"{sum(anew) / 1e6:8.1f} of {megabytes(out):8.1f} MB"
+        lines.append(f"{name:14} {again:8.2f} s of {whole:8.2f} s   {size} in {len(anew)} files are new")
+    return lines
+
+
+def megabytes(folder: Path) -> float:
+    """Size of all files of a directory."""
     return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
 
 
@@ -173,6 +251,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=6)
     parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--grow", type=int, default=2, help="episodes that are new in the second table, 0 for none")
+    parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--episode", type=Path, nargs="*", help="episode files to export instead of drawn ones")
     args = parser.parse_args()
     load = os.getloadavg()[0]
@@ -184,11 +264,16 @@ def main() -> None:
         with open_episode(paths[0]) as e:
             size = "x".join(map(str, e.rgb(e.cameras[0], 0).shape[:2]))
             print(f"{len(paths)} episodes; the first has {len(e)} frames of {len(e.cameras)} cameras, {size} pixels")
-        print(f"{'format':34} {'s/episode':>10} {'CPU s/episode':>14} {'episodes/h':>11} {'MB/episode':>11}")
-        for name, wall, cpu, size in formats(paths, root):
-            n = len(paths)
-            written = f"{size / n:11.2f}" if size else ""
-            print(f"{name:34} {wall / n:10.3f} {cpu / n:14.3f} {3600 * n / wall:11.0f} {written}")
+        rows = rows_of(paths, root)
+        for _ in range(args.turns):
+            for row in rows:
+                row.turn()
+        print(f"{'format':42} {'s/episode':>10} {'CPU s/episode':>14} {'episodes/CPU-h':>15} {'MB/episode':>11} {'of floor':>9}")
+        for row in rows:
+            print(row.line(len(paths)))
+        if args.grow:
+            print(f"\nexported again with the last {args.grow} episodes new (CPU s), against an empty directory:")
+            print("\n".join(growth(paths, args.grow, root)))
 
 
 if __name__ == "__main__":

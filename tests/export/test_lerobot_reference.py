@@ -83,6 +83,7 @@ def the_files_are_those_that_lerobot_writes(lerobot, root):
         given,
         theirs,
         "aloha-agilex",
+        video_backend="pyav",
         rgb_encoder=RGBEncoderConfig(vcodec="h264", g=1, crf=20, preset="ultrafast"),
         encoder_threads=1,
     )

@@ -6,6 +6,7 @@ from typing import Any
 LEROBOT = """
 from lerobot.datasets import LeRobotDataset
 
+# without video_backend lerobot reads with torchcodec, which needs FFmpeg's libraries (apt install ffmpeg)
 data = LeRobotDataset("local", root="DIR", video_backend="pyav")
 frame = data[0]  # observation.images.cam_high (3, H, W) in 0..1, observation.state, action, task
 """
