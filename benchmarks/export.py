@@ -6,9 +6,9 @@ Without --episode it exports drawn episodes: three cameras of 320x240, a texture
 
 The floor of the LeRobot formats is PyAV alone: RGB arrays in memory -> H.264 in an mp4 in memory, one thread, the export's
 settings. It includes the conversion of RGB to YUV and nothing else: no reading, no JPEG, no statistics, no table, no file, no
-check. The export begins at the episode files and ends with the directory, in one process, too. "by lerobot" is lerobot's add_frame and
-save_episode with the same encoder, given the features that the export has and the same episode files. Rows are measured in turns,
-`--turns` times; medians count, of the CPU time, because a machine in use by others makes wall time longer than it is.
+check. The export begins at the episode files and ends with the directory, in one process, too. "by lerobot" is lerobot's add_frame
+and save_episode with the same encoder, given the features that the export has and the same episode files. Rows are measured in
+turns, `--turns` times; medians of the CPU time count, because a machine in use by others makes wall time longer than it is.
 """
 
 import argparse
@@ -175,6 +175,8 @@ def rows_of(paths: list[Path], root: Path) -> list[Row]:
         exporter.export(replace(job, episodes=paths[:1]))  # imports and encoder start-up are no cost of an episode
         row = Row(name, partial(exporter.export, job), floors.get(name, copying), out)
         rows += [row, Row(f"{name}: check", partial(exporter.check, root, out, paths))]
+    compressed = Job(root, root / "exports" / "compressed", paths, EXPORTERS["aloha"].options(compress="jpeg"))
+    rows.append(Row("aloha --compress jpeg", partial(EXPORTERS["aloha"].export, compressed), copying, compressed.out))
     rows.append(Row("by lerobot: add_frame, save_episode", partial(by_lerobot, paths, root), encoding, root / "by_lerobot"))
     return rows
 
@@ -264,6 +266,8 @@ def main() -> None:
         with open_episode(paths[0]) as e:
             size = "x".join(map(str, e.rgb(e.cameras[0], 0).shape[:2]))
             print(f"{len(paths)} episodes; the first has {len(e)} frames of {len(e.cameras)} cameras, {size} pixels")
+        size = sum(path.stat().st_size for path in paths) / 1e6
+        print(f"an episode file has {size / len(paths):.2f} MB\n")
         rows = rows_of(paths, root)
         for _ in range(args.turns):
             for row in rows:
