@@ -183,8 +183,13 @@ class V3Writer(Writer):
         row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction], "length": length}
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
-        stats = column_stats(columns)
-        for camera, counts in episode.encoded.colors.items():
+        texts = language_columns(facts, self.names, self.data.schema)
+        self.data.write(data_table(columns | texts, self.data.schema))
+        places = {}
+        for camera, clip in episode.encoded.videos.items():
+            key = image_key(self.names[camera])
+            row |= self._append_video(key, clip, facts)
+            places[camera] = self.videos[key].path, self.videos[key].frames - length
         row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
         row |= {f"domino.{name}": value for name, value in scalars(facts).items()}
         if self.rows_to is None:
