@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -163,9 +164,8 @@ def _array(file: EpisodeFile, key: str) -> NDArray[Any] | None:
     return file.array(key) if file.has(key) else None
 
 
-def write(dataset: Dataset, slot: Slot, episode: Episode, images: Images, phases: Phases) -> str:
-    """Write a slot's episode file; its sha256."""
-    path = dataset.episode(slot)
+def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
+    """Write an episode file; its sha256."""
     own = {key: values for key, values in episode.interception.items() if not key.startswith(TRACKS)}
     with phases("write"):
         tracked = replace(episode, interception=own | dict(images.tracks))
@@ -189,5 +189,5 @@ def renew(dataset: Dataset, recipe: Recipe, slot: Slot, state: SlotState, keys: 
         update={"drawing": images.drawing, "physics_key": keys.physics.digest, "render_key": keys.render.digest}
     )
     episode = replace(old, instructions=sentences(scene, recipe.instructions), meta=meta)
-    sha = write(dataset, slot, episode, images, phases)
+    sha = write(dataset.episode(slot), episode, images, phases)
     return replace(state.record, keys=keys, sha256=sha)

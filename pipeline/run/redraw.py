@@ -85,7 +85,8 @@ def draw_slot(job: DrawJob) -> Drawn:
             sha = _draw(source, out, job, record, keys, phases)
         except DominoError as error:
             return Drawn(None, str(error))
-    attempts = () if job.slot.variant else record.attempts
+    # failed attempts stay with the dataset that made them
+    attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
     made = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), source=record.sha256)
     write_atomic(out.ledger(job.slot), made.to_json())
     return Drawn(made)
@@ -111,7 +112,7 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     with phases("write"):
         for key in dict.fromkeys(drawing.assets.values()):
             AssetStore(out.bodies).copy(key, store)
-    return write(out, job.slot, _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    return write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
 
 
 def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> Episode:
