@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from tqdm import tqdm
@@ -86,6 +86,9 @@ def export(
     dataset: Root,
     format_: Annotated[str, typer.Option("--format", help="lerobot, lerobot-v2.1, aloha, robotwin, parquet, dynamicwam, puma-gt.")],
     out: Annotated[Path | None, typer.Option(help="Where to write.", show_default="DATASET/exports/FORMAT")] = None,
+    split: Annotated[
+        Literal["episodes", "failures"], typer.Option(help="What to write: the episodes, or the failed attempts that are kept.")
+    ] = "episodes",
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -99,17 +102,22 @@ def export(
     exporter = EXPORTERS[format_]
     options = parse_options(format_, exporter.options, ctx.meta[GIVEN])
     recipe = source.recipe()
-    episodes = source.intact_episodes(recipe)
+    failures = split == "failures"
+    episodes = source.intact_failures(recipe) if failures else source.intact_episodes(recipe)
+    if failures and not episodes:
+        raise UsageError(
+            f"{dataset} keeps no failed attempts: its recipe says keep_failures: {recipe.keep_failures}, or none failed"
+        )
     if not episodes:
         given_up = sum(1 for _ in source.records(recipe))
         raise UsageError(
             f"{dataset} has no finished episodes to export: of {sum(1 for _ in recipe.slots())} slots {given_up} were given up and "
             "the rest is open; `domino-data build` fills them"
         )
-    place, processes = out or source.exports(format_), executor_of("ray", workers)[1]
+    place, processes = out or source.exports(f"{format_}-failures" if failures else format_), executor_of("ray", workers)[1]
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
         describing = describe(source.root, sorted(episodes))
-        job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing)
+        job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing, split)
         values = exporter.export(job)
     warn_of_stale(source, recipe)
-    say(values, as_json, f"{len(episodes)} episodes written to {place}")
+    say(values, as_json, f"{len(episodes)} {'failed attempts' if failures else 'episodes'} written to {place}")

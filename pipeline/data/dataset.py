@@ -26,7 +26,7 @@ class DatasetError(DominoError):
     """A dataset directory that cannot be used as asked: one line with the fix."""
 
 
-FOLDERS = ("annotations", "assets", "episodes", "exports", "ledger", "report")
+FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger", "report")
 """Directories of a dataset."""
 
 
@@ -74,6 +74,34 @@ class Dataset:
     def episode(self, slot: Slot) -> Path:
         """Path of a slot's episode file."""
         return self.episodes / f"{slot.path}.hdf5"
+
+    @property
+    def failures(self) -> Path:
+        """Directory of the failed attempts that are kept: no episodes of the dataset."""
+        return self.root / "failures"
+
+    def failure(self, slot: Slot, attempt: int) -> Path:
+        """Path of a failed attempt at a slot."""
+        return self.failures / f"{slot.path}_attempt_{attempt:03d}.hdf5"
+
+    def kept_failures(self, recipe: Recipe) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Files of the failed attempts that the ledger says are kept, in the recipe's order, with the rows of these attempts."""
+        for slot, record in self.records(recipe):
+            for row in record.attempts:
+                if row.get("kept"):
+                    yield self.failure(slot, row["attempt"]), row
+
+    def intact_failures(self, recipe: Recipe) -> list[Path]:
+        """As `kept_failures`, after reading every file. Raises DatasetError for one that is missing or not the ledger's."""
+        found = list(self.kept_failures(recipe))
+        for path, row in found:
+            try:
+                same = file_hash(path) == row["kept"]
+            except OSError as error:
+                raise DatasetError(f"{path}: cannot be read ({error.strerror}); delete its ledger entry and build again") from error
+            if not same:
+                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; delete its ledger entry and build again")
+        return [path for path, _ in found]
 
     def ledger(self, slot: Slot) -> Path:
         """Path of a slot's ledger entry."""

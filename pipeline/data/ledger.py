@@ -26,12 +26,14 @@ ATTEMPTS = pa.schema(
         ("reason", pa.string()),
         ("detail", pa.string()),
         ("conditions", pa.list_(pa.string())),
+        ("kept", pa.string()),
         *((name, pa.float64()) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")),
         ("sim_steps", pa.int64()),
         ("seconds", pa.float64()),
     ]
 )
-"""Columns of attempts.parquet: one row an attempt; speeds (m/s) and displacement (m) of the motion that was drawn, if any."""
+"""Columns of attempts.parquet: one row an attempt; `kept` is the sha256 of the file of a failed attempt that is kept, speeds (m/s)
+and displacement (m) are those of the motion that was drawn, if any."""
 
 _SHA256 = re.compile("[0-9a-f]{64}")
 _LARGEST_WHOLE = 2**53  # beyond it not every whole number is a float64

@@ -93,6 +93,17 @@ class Drawing(_Record):
     robot_meshes: dict[str, str] = {}
 
 
+class FailureInfo(_Record):
+    """Why an attempt that is kept was not accepted: its number, the stage that ended it, the reason code, what that says in words,
+    and the success conditions that did not hold, where that is the reason (stages/failure.py)."""
+
+    attempt: Annotated[int, Field(ge=0)]
+    stage: str
+    reason: str
+    detail: str = ""
+    conditions: tuple[str, ...] = ()
+
+
 class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
@@ -105,6 +116,9 @@ class EpisodeMeta(_Record):
 
     `physics_key` and `render_key` name what the episode was made from (run/keys.py). `physics_id` is the same for all episodes
     that show the same physics (data/physics_id.py), which no split may separate; `variant` numbers their looks.
+
+    `failure` is set in the file of a failed attempt and nowhere else. Where that failed in a dry run, the target stands still and
+    `meeting_time` is when something touched it, or the end where nothing did.
     """
 
     fps: Annotated[int, Field(gt=0)]
@@ -129,5 +143,6 @@ class EpisodeMeta(_Record):
     drawing: Drawing
     physics_id: str = ""
     variant: Annotated[int, Field(ge=0)] = 0
+    failure: FailureInfo | None = None
     physics_key: str = ""
     render_key: str = ""

@@ -101,6 +101,8 @@ class Recipe(BaseModel):
     """Where the robots' bases stand: at our places, or at those of the original system."""
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
     """Sentences made for each of the splits seen and unseen."""
+    keep_failures: Literal["all", "rendered", "none"] = "none"
+    """Failed attempts kept as files of their own below failures/: `rendered` those of the replay, `all` those of dry runs, too."""
     robot_meshes: Mapping[str, str] = Field(default_factory=dict)
     """Robots that are drawn with their vendor's meshes instead of ours: hash of the stored visuals by robot."""
 

@@ -25,10 +25,13 @@ from pipeline.data.state_log import StateLog
 from pipeline.export.contents import strangers
 
 SUMMARY = "export.json"
+EPISODES, FAILURES = "episodes", "failures"
+"""Splits of a dataset: what is exported where nothing else is said, and the failed attempts that are kept."""
+
 SOURCES = "sources.json"
 """What the files of an export were made from (`reuse`)."""
 
-OWN = ("episodes", "ledger", "assets", "annotations", "report")
+OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
 """Directories of a dataset that nothing else may be written to."""
 
 CLOCK_TOLERANCE = 1e-6  # s
@@ -198,6 +201,7 @@ def same(first: Facts, facts: Facts) -> None:
         "cameras": (first.cameras, facts.cameras),
         "image size": (first.size, facts.size),
         "joint names": (first.log.vector_names, facts.log.vector_names),
+        "failed": (first.meta.failure is not None, facts.meta.failure is not None),
     }
     for name, (want, got) in pairs.items():
         if want != got:

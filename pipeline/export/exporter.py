@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.export.card import write_card
-from pipeline.export.common import SOURCES, SUMMARY, ExportError, Progress, read_summary, size_of, staged, write_json
+from pipeline.export.common import EPISODES, SOURCES, SUMMARY, ExportError, Progress, read_summary, size_of, staged, write_json
 from pipeline.export.contents import contents_of
 from pipeline.export.options import NoOptions
 from pipeline.export.reuse import Draft
@@ -21,7 +21,7 @@ class Job[O]:
 
     `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
     `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
-    only what the summary does.
+    only what the summary does. `split` says whether these are the episodes or the failed attempts that are kept.
     """
 
     dataset: Path
@@ -31,6 +31,7 @@ class Job[O]:
     progress: Progress = None
     workers: int = 1
     describe: Callable[[Path, Mapping[str, Any]], str] | None = None
+    split: str = EPISODES
 
     def advance(self) -> None:
         """Say that one more episode is written."""
@@ -72,7 +73,7 @@ class Exporter[O](ABC):
     def summarize(self, folder: Path, job: Job[O], values: dict[str, Any]) -> dict[str, Any]:
         """Write the card and export.json: format, options, `values`, bytes and names of all files. Returns the latter."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
-        summary = {"format": self.name, "options": options, **values}
+        summary = {"format": self.name, "options": options, "split": job.split, **values}
         write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
         summary["bytes"] = size_of(folder)
         summary["contents"] = sorted({SOURCES, SUMMARY, *contents_of(folder)})

@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.export.common import ExportError, Facts, exported_cameras, same, write_json
+from pipeline.export.common import FAILURES, ExportError, Facts, exported_cameras, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.lerobot_check import check_v3
 from pipeline.export.lerobot_encoded import EncodedFile, Known
@@ -261,10 +261,15 @@ class V3Writer(Writer):
             "data_files_size_in_mb": max(1, self.options.data_bytes // MEGABYTE),
             "video_files_size_in_mb": max(1, self.options.video_bytes // MEGABYTE),
             "robot_type": self.first.spec.embodiment,
-            "splits": {"train": f"0:{summary['episodes']}"},
+            "splits": {split_of(self.first): f"0:{summary['episodes']}"},
         }
         write_meta(self.root, info, list(self.tasks), stats, description(summary, self.first))
         return summary
+
+
+def split_of(first: Facts) -> str:
+    """Name of the split of a dataset whose first episode this is: failed attempts are no training data."""
+    return FAILURES if first.meta.failure else "train"
 
 
 def description(summary: dict[str, Any], first: Facts) -> str:

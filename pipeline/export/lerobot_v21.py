@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from pipeline.export.common import ExportError, Facts, exported_cameras, judging, read_facts, reading
 from pipeline.export.exporter import register
-from pipeline.export.lerobot import LerobotExporter, Writer, description
+from pipeline.export.lerobot import LerobotExporter, Writer, description, split_of
 from pipeline.export.lerobot_check import check_columns, check_described, check_features, check_images
 from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, image_key
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
@@ -85,7 +85,7 @@ class V21Writer(Writer):
             "total_chunks": -(-episodes // FILES_PER_CHUNK),
             "chunks_size": FILES_PER_CHUNK,
             "fps": self.first.fps,
-            "splits": {"train": f"0:{episodes}"},
+            "splits": {split_of(self.first): f"0:{episodes}"},
             "data_path": DATA_PATH,
             "video_path": VIDEO_PATH,
             "features": self.features,

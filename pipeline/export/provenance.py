@@ -56,6 +56,7 @@ def scalars(facts: Facts) -> dict[str, Any]:
         "source": facts.source,
         "skills": json.dumps(rows_of(facts)),
         "conditions": json.dumps(_since(facts)),
+        "failure": meta.failure.model_dump_json() if meta.failure else "",
     }
 
 
@@ -77,7 +78,7 @@ def _time(log: StateLog, event: str) -> float | None:
 _SPEEDS = ("average_speed", "maximum_speed")
 SCALAR_TYPES = {
     **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"), pa.string()),
-    **dict.fromkeys(("source", "skills", "conditions"), pa.string()),
+    **dict.fromkeys(("source", "skills", "conditions", "failure"), pa.string()),
     "physics_id": pa.string(),
     **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
     **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),

@@ -1,6 +1,8 @@
 """From an accepted rollout to an episode file, and from an episode file to one with new images or new sentences."""
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,12 +23,13 @@ from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.state_log import StateLog
 from pipeline.data.visuals import Visuals
 from pipeline.motion.interception import Interception
-from pipeline.motion.interception_group import physics_arrays
+from pipeline.motion.interception_group import TRACKS, physics_arrays
 from pipeline.run.state import IMAGES, SlotState
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.render import Appearance, Sensors, appearance_of, capture, keep, visuals_of
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.stages.surroundings import table_drop
+from pipeline.stages.tracks import track_arrays
 from pipeline.tasks.language import instructions
 from pipeline.world.cameras import wanted_cameras
 from pipeline.world.robots.mesh_store import with_vendor_meshes
@@ -86,12 +89,14 @@ def sentences(scene: Scene, count: int) -> dict[str, list[str]]:
 
 @dataclass(eq=False)
 class Images:
-    """What an episode was drawn with, its views, their frames as JPEG bytes (T,), and its point clouds where it has any."""
+    """What an episode was drawn with, its views, their frames as JPEG bytes (T,), its point clouds where it has any, and the tracks
+    of its objects by key of the group `interception`."""
 
     drawing: Drawing
     views: list[View]
     coded: list[NDArray[np.bytes_]]
     pointcloud: NDArray[np.float32] | None = None
+    tracks: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
 
 
 def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
@@ -103,7 +108,8 @@ def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: 
         appearance = wanted_appearance(dataset, scene, recipe)
     with phases("write"):
         drawing = keep(appearance, AssetStore(dataset.bodies))
-    return images_of(appearance, drawing, log, recipe, phases)
+    objects = [name for name in scene.bodies if name not in scene.clutter]
+    return images_of(Look(appearance, drawing, objects), log, recipe, phases)
 
 
 def wanted_appearance(dataset: Dataset, scene: Scene, recipe: Recipe) -> Appearance:
@@ -120,13 +126,24 @@ def as_wanted(appearance: Appearance, recipe: Recipe, visuals: Visuals) -> Appea
     return replace(appearance, cameras=cameras, preset=recipe.render, visuals=visuals)
 
 
-def images_of(appearance: Appearance, drawing: Drawing, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
-    """Render a log with the recipe's sensors and encode the frames; `drawing` is the record of the appearance."""
+@dataclass(frozen=True, eq=False)
+class Look:
+    """An appearance, the record of it, and the objects of the scene that are no distractors."""
+
+    appearance: Appearance
+    drawing: Drawing
+    objects: Sequence[str]
+
+
+def images_of(look: Look, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
+    """Render a log with the recipe's sensors, encode the frames, and track the objects."""
     with phases("render"):
-        captured = capture(appearance, log, Sensors(recipe.depth, recipe.segmentation, recipe.pointcloud))
+        captured = capture(look.appearance, log, Sensors(recipe.depth, recipe.segmentation, recipe.pointcloud))
+    with phases("tracks"):
+        tracks = track_arrays(look.appearance, log, look.objects)
     with phases("encode"):
         coded = [encode_frames(view.rgb) for view in captured.views]
-    return Images(drawing, captured.views, coded, captured.pointcloud)
+    return Images(look.drawing, captured.views, coded, captured.pointcloud, tracks)
 
 
 def stored_images(file: EpisodeFile) -> Images:
@@ -139,18 +156,20 @@ def stored_images(file: EpisodeFile) -> Images:
         camera, none = info.camera(name), np.empty((0, info.height, info.width, 3), np.uint8)
         views.append(View(camera, file.array(f"{group}/pose"), none, optional["depth"], optional["actor_segmentation"]))
         coded.append(file.array(f"{group}/rgb"))
-    return Images(meta.drawing, views, coded, _array(file, "pointcloud"))
+    tracks = {key: values for key, values in file.interception().items() if key.startswith(TRACKS)}
+    return Images(meta.drawing, views, coded, _array(file, "pointcloud"), tracks)
 
 
 def _array(file: EpisodeFile, key: str) -> NDArray[Any] | None:
     return file.array(key) if file.has(key) else None
 
 
-def write(dataset: Dataset, slot: Slot, episode: Episode, images: Images, phases: Phases) -> str:
-    """Write a slot's episode file; its sha256."""
-    path = dataset.episode(slot)
+def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
+    """Write an episode file; its sha256."""
+    own = {key: values for key, values in episode.interception.items() if not key.startswith(TRACKS)}
     with phases("write"):
-        write_episode(path, episode, images.views, images.coded, images.pointcloud)
+        tracked = replace(episode, interception=own | dict(images.tracks))
+        write_episode(path, tracked, images.views, images.coded, images.pointcloud)
         return file_hash(path)
 
 
@@ -170,5 +189,5 @@ def renew(dataset: Dataset, recipe: Recipe, slot: Slot, state: SlotState, keys: 
         update={"drawing": images.drawing, "physics_key": keys.physics.digest, "render_key": keys.render.digest}
     )
     episode = replace(old, instructions=sentences(scene, recipe.instructions), meta=meta)
-    sha = write(dataset, slot, episode, images, phases)
+    sha = write(dataset.episode(slot), episode, images, phases)
     return replace(state.record, keys=keys, sha256=sha)

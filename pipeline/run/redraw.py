@@ -15,7 +15,7 @@ from pipeline.data.meta import CameraInfo, Drawing
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.keys import code_version, redrawn_keys
-from pipeline.run.make import as_wanted, images_of, write
+from pipeline.run.make import Look, as_wanted, images_of, write
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import stored_appearance, visuals_of
 from pipeline.world.appearance import load_parts
@@ -85,7 +85,8 @@ def draw_slot(job: DrawJob) -> Drawn:
             sha = _draw(source, out, job, record, keys, phases)
         except DominoError as error:
             return Drawn(None, str(error))
-    attempts = () if job.slot.variant else record.attempts
+    # failed attempts stay with the dataset that made them
+    attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
     made = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), source=record.sha256)
     write_atomic(out.ledger(job.slot), made.to_json())
     return Drawn(made)
@@ -106,11 +107,12 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     appearance = as_wanted(stored, job.recipe, look)
     cameras = {camera.name: CameraInfo.of(camera) for camera in appearance.cameras}
     drawing = episode.meta.drawing.model_copy(update={"preset": appearance.preset, "visuals": look, "cameras": cameras})
-    images = images_of(appearance, drawing, episode.log, job.recipe, phases)
+    objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
+    images = images_of(Look(appearance, drawing, objects), episode.log, job.recipe, phases)
     with phases("write"):
         for key in dict.fromkeys(drawing.assets.values()):
             AssetStore(out.bodies).copy(key, store)
-    return write(out, job.slot, _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    return write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
 
 
 def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> Episode:

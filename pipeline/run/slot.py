@@ -14,6 +14,7 @@ from pipeline.data.keys import SlotKeys
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run import running
+from pipeline.run.failures import Failed, keep_failure, remove_failures
 from pipeline.run.keys import code_version, slot_keys
 from pipeline.run.last_frames import keep_last_frames
 from pipeline.run.make import draw, episode_of, renew, write
@@ -63,7 +64,9 @@ def fill_slot(job: SlotJob) -> SlotRecord:
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
     state = read_state(dataset, job.slot, keys)
     record = None
-    if state.todo in (IMAGES, SENTENCES) and not any(one.attempt == running.RENEWAL for one in job.lost):
+    # a failed attempt that is kept is only made with its slot
+    renewable = state.todo in (IMAGES, SENTENCES) and job.recipe.keep_failures == "none"
+    if renewable and not any(one.attempt == running.RENEWAL for one in job.lost):
         running.note(dataset, job.slot, running.RENEWAL)
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             record = renew(dataset, job.recipe, job.slot, state, keys)
@@ -82,6 +85,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
     lost = {one.attempt: one for one in job.lost}
     phases, rows, sha = Phases(), list[dict[str, Any]](), ""
     remove(dataset.episode(slot))
+    remove_failures(dataset, slot)
     for number in range(recipe.attempts):
         spec, began = recipe.spec(slot, number), time.perf_counter()
         row = asdict(slot.cell) | {"slot": slot.index, "attempt": number, "seed": spec.seed, "stage": "", "reason": ""}
@@ -99,9 +103,11 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
             row |= asdict(failure.drawn) if failure.drawn else {}
             row["seconds"] = time.perf_counter() - began
             keep_last_frames(dataset, recipe, slot, number, failure)
+            if kept := keep_failure(dataset, recipe, Failed(slot, number, failure, keys), phases):
+                row["kept"] = kept
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
-            sha = write(dataset, slot, episode_of(rollout, recipe, images.drawing, keys), images, phases)
+            sha = write(dataset.episode(slot), episode_of(rollout, recipe, images.drawing, keys), images, phases)
             row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
         rows.append({"seconds": time.perf_counter() - began} | row)
         if sha:

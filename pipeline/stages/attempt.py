@@ -106,16 +106,16 @@ def _with_motion(scene: Scene, recipe: Recipe, phases: Phases) -> tuple[DryRun, 
 
 def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:
     """The three stages for one spec. Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn."""
-    steps, drawn = 0, None
+    steps, drawn, motion, meeting = 0, None, None, 0.0
     try:
         with phases("scene"):
             scene = build_scene(spec, recipe.ruling())
         dry, motion, steps = _with_motion(scene, recipe, phases)
-        drawn = motion.features()
+        drawn, meeting = motion.features(), dry.meeting
         with phases("replay"):
             done = replay(scene, dry, motion, recipe.fps)
     except Failure as failure:
         failure.steps += steps
-        failure.drawn = failure.drawn or drawn
+        failure.drawn, failure.motion, failure.meeting = failure.drawn or drawn, motion, meeting
         raise
     return Rollout(scene, motion, dry.meeting, done, steps + done.steps)

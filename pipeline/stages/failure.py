@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from pipeline.data.state_log import StateLog
 from pipeline.expert.actor import Actor
-from pipeline.motion.target_motion import Features
+from pipeline.motion.target_motion import Features, TargetMotion
 from pipeline.planning.failure import PlanFailure
 
 
@@ -13,7 +13,8 @@ class Failure(Exception):
     """An attempt that ends without an episode: the stage it reached, a reason code in snake case, the physics steps it took.
 
     `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success;
-    `drawn` are the features of the target's motion, where one was drawn; `log` is what was recorded until then, if anything was.
+    `drawn` are the features of the target's motion, where one was drawn, `motion` that motion and `meeting` (s) when it was to be
+    met, where it was replayed; `log` is what was recorded until then, if anything was.
     """
 
     def __init__(self, stage: str, reason: str, detail: str = "", conditions: tuple[str, ...] = ()) -> None:
@@ -21,6 +22,8 @@ class Failure(Exception):
         self.stage, self.reason, self.detail, self.conditions, self.steps = stage, reason, detail, conditions, 0
         self.drawn: Features | None = None
         self.log: StateLog | None = None
+        self.motion: TargetMotion | None = None
+        self.meeting = 0.0
 
 
 def no_success(stage: str, conditions: tuple[str, ...]) -> Failure:

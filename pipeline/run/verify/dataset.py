@@ -20,7 +20,7 @@ from pipeline.run.state import DONE, OPEN, SlotState, states
 from pipeline.run.strikes import Strikes
 from pipeline.run.verify.episode import Judged, judge_episode
 from pipeline.run.verify.exports import check_export, exports_of
-from pipeline.run.verify.layout import check_attempts, check_ledger, check_provenance, check_strays
+from pipeline.run.verify.layout import check_attempts, check_failures, check_ledger, check_provenance, check_strays
 from pipeline.run.verify.stored import check_assets, check_robot_meshes, check_stage
 from pipeline.run.verify.tally import Finding, Tally
 
@@ -80,6 +80,7 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     for place in exports if hindered else []:
         tally[f"export {place.name}"].note = hindered
     tally.add(check_strays(dataset, recipe))
+    tally.add(check_failures(dataset, recipe))
     names = [(dataset.episode(each.slot).relative_to(dataset.root).as_posix(), each.assets) for each in sound]
     tally.add(check_assets(dataset, names))
     waiting = sum(state.record is None for _, state in found)

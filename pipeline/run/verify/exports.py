@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.reading import IRREGULAR
 from pipeline.export import EXPORTERS
-from pipeline.export.common import ExportError, foreign_files, read_summary
+from pipeline.export.common import FAILURES, ExportError, foreign_files, read_summary
 from pipeline.run.verify.tally import FAULTS, Finding, line
 
 EXPORT_AGAIN = "export again"
@@ -33,8 +33,10 @@ def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Ite
     for path in foreign_files(place):
         yield Finding("strays", f"{path.relative_to(dataset.root)}: is no part of the export; move it away")
     try:
+        if read_summary(place).get("split") == FAILURES:
+            episodes = dataset.intact_failures(dataset.recipe())
         problems = exporter.check(dataset.root, place, sorted(episodes))
-    except (ExportError, *FAULTS) as error:
+    except (ExportError, DatasetError, *FAULTS) as error:
         problems = [line(error)]
     yield from (Finding(check, f"{problem.replace(f'{dataset.root}/', '')}; {EXPORT_AGAIN}") for problem in problems)
     if not problems:

@@ -8,6 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.episode import EpisodeFile
+from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, Slot
@@ -46,17 +48,35 @@ def check_ledger(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotReco
 
 
 def check_strays(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
-    """Files below episodes/ and ledger/ that belong to no slot of the recipe."""
+    """Files below episodes/, failures/ and ledger/ that belong to no slot of the recipe."""
     slots = list(recipe.slots())
     for folder, known in (
         (dataset.episodes, {dataset.episode(slot) for slot in slots}),
         (dataset.root / "ledger", {dataset.ledger(slot) for slot in slots}),
+        (dataset.failures, {path for path, _ in dataset.kept_failures(recipe)}),
     ):
         for path in sorted(folder.rglob("*")):
             if path in known or path.suffix in PASSING or (path.is_dir() and not path.is_symlink()):
                 continue
             yield Finding("strays", f"{path.relative_to(dataset.root)}: belongs to no slot of the recipe; remove it")
     yield Finding("strays")
+
+
+def check_failures(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
+    """Failed attempts that are kept are the files that were written, say why they failed, and are in no place of an episode."""
+    for path, row in dataset.kept_failures(recipe):
+        name = path.relative_to(dataset.root).as_posix()
+        try:
+            same = file_hash(path) == row["kept"]
+            with EpisodeFile(path) as file:
+                spec, why = file.read().spec, file.meta.failure
+        except FAULTS as error:
+            yield Finding("failures", f"{name}: {line(error).removeprefix(f'{path}: ')}; delete its ledger entry and {AGAIN}")
+            continue
+        yield seen("failures", same, f"{name}: bytes differ from the ledger's sha256; delete its ledger entry and {AGAIN}")
+        said = None if why is None else (spec.seed, why.attempt, why.stage, why.reason, list(why.conditions))
+        wanted = (row["seed"], row["attempt"], row["stage"], row["reason"], row["conditions"])
+        yield seen("failures", said == wanted, f"{name}: says that it failed as {said}, the ledger {wanted}")
 
 
 def check_attempts(dataset: Dataset, recipe: Recipe, finished: bool) -> Iterator[Finding]:
