@@ -27,7 +27,6 @@ COLORS = {
     "head_camera": (220, 30, 30),
     "left_camera": (30, 200, 40),
     "right_camera": (30, 50, 220),
-    "observer_camera": (200, 180, 20),
 }
 BACKGROUND = (120, 125, 130)
 HALF = 20  # half side of the square, pixels

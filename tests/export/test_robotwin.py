@@ -131,7 +131,8 @@ def test_check_sees_what_was_changed(tmp_path, episodes, order, key, spoil, mess
     assert len(problems) == 1 and message in problems[0]
 
 
-def test_a_stored_camera_becomes_the_front_camera(tmp_path):
+def test_a_stored_camera_becomes_the_front_camera(tmp_path, monkeypatch):
+    monkeypatch.setitem(COLORS, "observer_camera", (200, 180, 20))
     path = make_episode(episode_path(tmp_path), frames=3, cameras=(*CAMERAS[:2], "observer_camera"))
     plain, out = tmp_path / "plain", tmp_path / "out"
     run("robotwin", tmp_path, plain, [path])

@@ -16,8 +16,9 @@ from pipeline.annotate.masks import pack
 from pipeline.annotate.store import annotation_path, write_entry, write_stage
 from pipeline.data.cameras import project
 from pipeline.data.episode import open_episode
+from pipeline.data.state_log import SkillRun
 from pipeline.report.viewer import choose, viewer_server, write_viewer
-from pipeline.report.viewer.data import episode_data
+from pipeline.report.viewer.data import episode_data, skill_rows
 from pipeline.report.viewer.rerun_log import log_episode
 from tests.browser import browse, needs_browser
 from tests.synthetic import COLORS, episode_path, make_episode
@@ -50,6 +51,12 @@ def test_what_is_shown_is_the_episode(dataset):
         np.testing.assert_allclose(shown["cameras"]["head_camera"]["track"][2], uv, atol=0.06)
     assert [event["name"] for event in shown["events"]] == ["meeting", "release", "success"]
     assert shown["spans"] == [{"name": "left touches", "start": 4 / 15, "end": 5 / 15}]
+    middle = FRAMES // 2 / 15
+    assert [(run["arm"], run["said"], run["half"], run["start"], run["end"]) for run in shown["skills"]] == [
+        ("left", "grasp high target", "meet", 0, middle),
+        ("right", "home", "meet", 0, middle),
+        ("left", "lift target", "finish", middle + 0.5 / 15, (FRAMES - 1) / 15),
+    ]
     for camera, color in COLORS.items():
         jpeg = base64.b64decode(shown["cameras"][camera]["images"][0].split(",")[1])
         rgb = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
@@ -116,6 +123,8 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
         page.press("ArrowRight")
         page.press("ArrowLeft")
         assert page.run("at('clock').textContent") == f"frame 1 of {FRAMES}, 0.07 s"
+        wanted = ["left arm: grasp high target, 0.00 to 0.27 s", "right arm: home, 0.00 to 0.27 s"]
+        assert page.run("[...document.querySelectorAll('.skill')].map(skill => skill.title).slice(0, 2)") == wanted
         page.press("End")
         assert page.run("frame") == FRAMES - 1
         page.press("n")
@@ -136,3 +145,16 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
         page.click("#to-failures")
         assert page.run("at('failures').textContent") == "no attempt failed"
         assert page.errors == []
+
+
+def test_skills_within_a_skill_are_said_with_it():
+    runs = [
+        SkillRun("hand_over", ("left", "right"), "mug", "", "finish", 0, 48),
+        SkillRun("grasp", ("right",), "mug", "low_rim", "finish", 16, 32),
+        SkillRun("open", ("left",), "mug", "", "finish", 48, 60),
+    ]
+    assert [(run["arm"], run["said"], run["end"]) for run in skill_rows(runs, 240)] == [
+        ("left", "hand_over mug", 0.2),
+        ("right", "hand_over mug, grasp", 0.2),
+        ("left", "open mug", 0.25),
+    ]

@@ -13,6 +13,7 @@ from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path,
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode import EpisodeFile, open_episode
 from pipeline.data.names import SIDES
+from pipeline.data.state_log import SkillRun
 from pipeline.html import jpeg_uri
 from pipeline.motion.interception import Interception, track
 from pipeline.motion.target_motion import TargetMotion
@@ -71,6 +72,7 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         "meeting": {"planned": meta.meeting_time, "place": derived.planned_position.tolist()},
         "events": [{"name": event.name, "time": event.time, "by": event.by} for event in log.events],
         "spans": _spans(derived, meta.fps),
+        "skills": skill_rows(log.skills, meta.physics_hz),
         "joints": list(log.vector_names),
         "state": _rounded(log.state.T),
         "action": _rounded(log.action.T),
@@ -131,6 +133,21 @@ def _spans(derived: Interception, fps: int) -> list[dict[str, Any]]:
             edges = np.flatnonzero(np.diff(np.concatenate([[0], flags[:, i].astype(int), [0]])))
             spans += [{"name": f"{side} {name}", "start": a / fps, "end": b / fps} for a, b in edges.reshape(-1, 2).tolist()]
     return spans
+
+
+def skill_rows(runs: Sequence[SkillRun], hz: int) -> list[dict[str, Any]]:
+    """The skills of the script (s), a row an arm; those within another one of that arm are named with it."""
+    rows: list[dict[str, Any]] = []
+    for run in runs:
+        for side in run.arms:
+            about = " ".join(part for part in (run.part.replace("_", " "), run.body) if part)
+            outer = next((r for r in rows if r["arm"] == side and r["steps"][0] <= run.start and run.end <= r["steps"][1]), None)
+            if outer is not None:
+                outer["said"] += f", {run.skill}"
+                continue
+            row = {"name": run.skill, "arm": side, "said": f"{run.skill} {about}".strip(), "half": run.half}
+            rows.append(row | {"steps": (run.start, run.end), "start": run.start / hz, "end": run.end / hz})
+    return [{key: value for key, value in row.items() if key != "steps"} for row in rows]
 
 
 def _uri(rgb: NDArray[np.uint8], width: int) -> str:

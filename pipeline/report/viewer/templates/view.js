@@ -147,6 +147,12 @@ function timeline() {
     Object.assign(made.style, {left: left(span.start), width: left(span.end - span.start), top: `${24 + 10 * row}px`, background: COLOURS[span.name]});
     made.textContent = span.name;
   }
+  box.classList.toggle("scripted", data.skills.length > 0);
+  for (const skill of data.skills) {
+    const made = add(box, "div", skill.name, {className: `skill ${skill.arm} ${skill.half}`});
+    made.title = `${skill.arm} arm: ${skill.said}, ${skill.start.toFixed(2)} to ${skill.end.toFixed(2)} s`;
+    Object.assign(made.style, {left: left(skill.start), width: left(skill.end - skill.start)});
+  }
   data.events.forEach((event, i) => {
     const made = add(box, "div", event.name, {className: "event", title: `${event.name} ${event.time.toFixed(3)} s ${event.by}`});
     made.style.left = left(event.time);
