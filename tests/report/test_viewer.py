@@ -57,10 +57,10 @@ def test_what_is_shown_is_the_episode(dataset):
         ("right", "home", "meet", 0, middle),
         ("left", "lift target", "finish", middle + 0.5 / 15, (FRAMES - 1) / 15),
     ]
-    for camera, color in COLORS.items():
-        jpeg = base64.b64decode(shown["cameras"][camera]["images"][0].split(",")[1])
+    for camera, seen in shown["cameras"].items():
+        jpeg = base64.b64decode(seen["images"][0].split(",")[1])
         rgb = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-        assert (np.abs(rgb.astype(int) - color).max(-1) < 30).sum() > 1000
+        assert (np.abs(rgb.astype(int) - COLORS[camera]).max(-1) < 30).sum() > 1000
     corners = np.array(shown["cameras"]["head_camera"]["outlines"][0][0])
     assert corners.min(0).tolist() == [50, 100] and corners.max(0).tolist() == [90, 120]
     assert episode_data(other, root)["cameras"]["head_camera"]["outlines"] == []
