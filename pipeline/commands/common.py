@@ -81,7 +81,9 @@ def _default(key: str) -> str:
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-Manifest = Annotated[Path | None, typer.Option(help="A recipe file (YAML); options given beside it override its keys.")]
+Manifest = Annotated[
+    Path | None, typer.Option("--manifest", "--recipe", help="A recipe file (YAML); options given beside it override its keys.")
+]
 Tasks = Annotated[str | None, typer.Option(help="Task names, comma separated, or `all`.", show_default="all")]
 Embodiment = Annotated[
     str | None,

@@ -297,7 +297,7 @@ def test_lists_are_for_programs_to_read(capsys, monkeypatch):
         (("--executor", "mars"), "--executor"),
         (("--workers", "0"), "--workers"),
         (("--manifest", "missing.yaml"), "missing.yaml"),
-        (("--manifest", "unknown.yaml"), "episdoes"),
+        (("--recipe", "unknown.yaml"), "episdoes"),
         (("--manifest", "broken.yaml"), "broken.yaml"),
     ],
 )
