@@ -18,7 +18,7 @@ from pipeline.evaluate.ladder.demonstrations import Demonstration, made, stored
 from pipeline.evaluate.ladder.network import Settings
 from pipeline.evaluate.ladder.policy import LadderForm
 from pipeline.evaluate.ladder.samples import LadderError, samples
-from pipeline.evaluate.ladder.tables import summary
+from pipeline.evaluate.ladder.tables import RESULTS, summary, write_results
 from pipeline.evaluate.ladder.training import train
 from pipeline.evaluate.protocol import Runner
 
@@ -44,7 +44,8 @@ class Ladder:
 
 
 def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None) -> list[Row]:
-    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise it.
+    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise it in OUT/ladder.json, which is
+    written anew after every network.
 
     Raises LadderError where a task has no demonstrations, and what evaluation and datasets raise.
     """
@@ -55,7 +56,7 @@ def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = 
         if len(shown) == 0:
             raise LadderError(f"{task}: there is no demonstration to learn from; give --data a dataset that has some")
         lengths = sorted({chunk for chunk, _ in ladder.executed})
-        for kind, chunk, seed in itertools.product(ladder.inputs, lengths, range(ladder.seeds)):
+        for seed, kind, chunk in itertools.product(range(ladder.seeds), ladder.inputs, lengths):
             settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed)
             tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
             path = _network(shown, settings, out / "networks" / task)
@@ -63,6 +64,7 @@ def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = 
                 made_of = {"inputs": kind, "chunk": chunk, "execute": execute, "demonstrations": len(shown)}
                 wanted = _evaluation(ladder, task, f"ladder:{path}?execute={execute}")
                 rows += [_row(cell) | made_of for cell in run_evaluation(wanted, out, run).cells]
+            write_results(out / RESULTS, summary(rows), ladder.code)
     return summary(rows)
 
 

@@ -12,9 +12,11 @@ from pipeline.evaluate.ladder.demonstrations import ARRAYS, SlotJob, fill, store
 from pipeline.evaluate.ladder.disturb import disturbances, disturbed
 from pipeline.evaluate.ladder.network import Settings
 from pipeline.evaluate.ladder.samples import LadderError, samples
-from pipeline.evaluate.ladder.tables import summary, table
+from pipeline.evaluate.ladder.tables import RESULTS, read_results, summary, table, write_results
+from pipeline.export.card import read_card
 from pipeline.planning.planner import planner_for
 from pipeline.run.ladder import Ladder, climb
+from tests.run.test_build import command
 
 
 def test_a_datasets_episodes_are_those_made_without_images(built):
@@ -68,13 +70,45 @@ def test_a_task_without_demonstrations_is_named(built, tmp_path):
         climb(wanted, tmp_path, inline)
 
 
+def results(task="t", solved=3, seeds=2):
+    row = {"task": task, "embodiment": "aloha-agilex", "alpha": 0.1, "level": 1, "inputs": "position", "chunk": 8, "execute": 4}
+    return summary([row | {"demonstrations": 9, "episodes": 10, "solved": solved + 2 * i} for i in range(seeds)])
+
+
 def test_seeds_are_summed_up_with_an_interval():
-    row = {"task": "t", "embodiment": "e", "alpha": 0.1, "level": 1, "inputs": "position", "chunk": 8, "execute": 4}
-    row |= {"demonstrations": 9, "episodes": 10}
-    (found,) = summary([row | {"solved": 3}, row | {"solved": 5}])
+    (found,) = results()
     assert (found["success_rate"], found["episodes"], found["by_seed"]) == (40, 20, [30, 50])
     assert found["success_interval"][0] == pytest.approx(21.9, abs=0.1)  # Wilson by hand
     assert table([found]).splitlines()[-1] == "| t | position | 8 | 4 | 40 (22-61) |"
+
+
+def test_results_of_other_tasks_stay_while_the_program_is_the_same(tmp_path):
+    path = tmp_path / RESULTS
+    write_results(path, results("a"), "one")
+    write_results(path, results("b"), "one")
+    write_results(path, results("a", 8), "one")
+    rows, code = read_results(path)
+    assert ([(row["task"], row["solved"]) for row in rows], code) == ([("b", 8), ("a", 18)], "one")
+    write_results(path, results("a"), "two")
+    assert [row["task"] for row in read_results(path)[0]] == ["a"]
+
+
+def test_an_export_has_the_table_on_its_card(built, tmp_path, capsys, monkeypatch):
+    path = tmp_path / RESULTS
+    words = ("export", built, "--format", "parquet", "--out", tmp_path / "out", "--ladder", path)
+    for text in ("{}", '{"code": "c", "results": []}', "no"):
+        path.write_text(text)
+        code, _, err = command(capsys, monkeypatch, *words)
+        assert code == 2 and err.count("\n") == 1 and str(path) in err
+    path.unlink()
+    write_results(path, results("stamp_seal"), "c")
+    code, _, err = command(capsys, monkeypatch, *words)
+    assert code == 2 and "has stamp_seal on aloha-agilex, none of it in the dataset" in err
+    write_results(path, results("click_bell"), "c")
+    code, _, _ = command(capsys, monkeypatch, *words, "--json")
+    text = read_card(tmp_path / "out" / "README.md")[1]
+    section = text.split("\n## Sanity ladder\n")[1].split("\n## ")[0]
+    assert code == 0 and "| click_bell | position | 8 | 4 | 40 (22-61) |" in section and "stamp_seal" not in section
 
 
 def test_a_small_ladder_end_to_end(tmp_path):
@@ -88,6 +122,6 @@ def test_a_small_ladder_end_to_end(tmp_path):
     assert all(json.loads(line)["sees_truth"] for line in lines)
     times = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
     assert len(times) == 4
-    assert climb(wanted, tmp_path, inline) == rows
+    assert climb(wanted, tmp_path, inline) == rows == read_results(tmp_path / RESULTS)[0]
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")} == times
     assert (tmp_path / "episodes.jsonl").read_text().splitlines() == lines
