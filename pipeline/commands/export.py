@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 
 from pipeline.commands.common import AsJson, Root, UsageError, Workers, executor_of, say, warn_of_stale
 from pipeline.data.dataset import Dataset
+from pipeline.data.recipe import Recipe
 
 GIVEN = "given"
 
@@ -89,6 +90,7 @@ def export(
     split: Annotated[
         Literal["episodes", "failures"], typer.Option(help="What to write: the episodes, or the failed attempts that are kept.")
     ] = "episodes",
+    ladder: Annotated[Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -102,6 +104,7 @@ def export(
     exporter = EXPORTERS[format_]
     options = parse_options(format_, exporter.options, ctx.meta[GIVEN])
     recipe = source.recipe()
+    more = _ladder(ladder, recipe) if ladder else {}
     failures = split == "failures"
     episodes = source.intact_failures(recipe) if failures else source.intact_episodes(recipe)
     if failures and not episodes:
@@ -116,8 +119,20 @@ def export(
         )
     place, processes = out or source.exports(f"{format_}-failures" if failures else format_), executor_of("ray", workers)[1]
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
-        describing = describe(source.root, sorted(episodes))
+        describing = describe(source.root, sorted(episodes), more)
         job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing, split)
         values = exporter.export(job)
     warn_of_stale(source, recipe)
     say(values, as_json, f"{len(episodes)} {'failed attempts' if failures else 'episodes'} written to {place}")
+
+
+def _ladder(file: Path, recipe: Recipe) -> dict[str, str]:
+    """The section of a card on the ladder of the recipe's tasks and robots. Raises UsageError where the file has none of them."""
+    from pipeline.evaluate.ladder.tables import read_results, said
+
+    rows, code = read_results(file)
+    mine = [row for row in rows if row["task"] in recipe.tasks and row["embodiment"] in recipe.embodiments]
+    if not mine:
+        had = ", ".join(sorted({f"{row['task']} on {row['embodiment']}" for row in rows}))
+        raise UsageError(f"--ladder {file}: has {had}, none of it in the dataset; run domino-data ladder --data on the dataset")
+    return {"Sanity ladder": said(mine, code)}

@@ -1,6 +1,8 @@
 """ladder: train small networks on states and try them in closed loop."""
 
+import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -32,12 +34,14 @@ def ladder(
     alpha: Alpha = None,
     demonstrations: Annotated[int, typer.Option(min=1, help="Demonstrations of every task and level; made without images.")] = 50,
     data: Annotated[Path | None, typer.Option(help="Learn from the episodes of this dataset instead.")] = None,
-    inputs: Annotated[
-        str, typer.Option(help="What networks see: position, velocity, two_frames.")
+    rungs: Annotated[
+        str, typer.Option(help="Of position, velocity, two_frames (states); act, diffusion (images of --data, by lerobot-train).")
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk and how many are executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each kind.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Steps of training, of 256 frames each.")] = 5000,
+    image_steps: Annotated[int, typer.Option(min=1, help="Steps of lerobot-train for act and diffusion.")] = 20_000,
+    train_options: Annotated[str, typer.Option(help="More words for lerobot-train, such as '--policy.device=cuda'.")] = "",
     back: Annotated[int, typer.Option(min=1, help="How many frames back two_frames looks.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, help="Admitted scenes per task and level.")] = 20,
     executor: Executor = "auto",
@@ -55,15 +59,20 @@ def ladder(
     from pipeline.evaluate.ladder.network import Settings
     from pipeline.evaluate.ladder.tables import table
     from pipeline.run.evaluation import evaluation_version, runner
+    from pipeline.run.image_rungs import IMAGE_RUNGS
     from pipeline.run.keys import code_version
     from pipeline.run.ladder import Ladder, climb
 
-    kinds = tuple(listed(inputs) or INPUTS)
-    if unknown := [name for name in kinds if name not in INPUTS]:
-        raise UsageError(f"--inputs {unknown[0]!r} is unknown: choose from {', '.join(INPUTS)}")
+    every = (*INPUTS, *IMAGE_RUNGS)
+    kinds = tuple(listed(rungs) or INPUTS)
+    if unknown := [name for name in kinds if name not in every]:
+        raise UsageError(f"--rungs {unknown[0]!r} is unknown: choose from {', '.join(every)}")
+    if data is None and (seeing := [name for name in kinds if name in IMAGE_RUNGS]):
+        raise UsageError(f"--rungs {seeing[0]} learns from images: give --data a dataset that has them")
     recipe = recipe_of(None, tasks=tasks, embodiments=embodiment, levels=levels, alpha=alpha, episodes=demonstrations)
     settings = Settings(steps=steps, back=back)
     wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version(), code_version())
+    wanted = replace(wanted, image_steps=image_steps, train_options=_words(train_options))
     if data is not None:
         Dataset(data).recipe()  # refused before anything is made
     try:
@@ -80,6 +89,14 @@ def ladder(
     finally:
         bar.close()
     say({"results": rows}, as_json, table(rows))
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """A command line as words."""
+    try:
+        return tuple(shlex.split(text))
+    except ValueError as error:
+        raise UsageError(f"--train-options {text!r}: {str(error).lower()}; close the quotation") from error
 
 
 def _pairs(text: str) -> tuple[tuple[int, int], ...]:

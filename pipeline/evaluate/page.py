@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pipeline.evaluate.plot import panels
 from pipeline.evaluate.published import PUBLISHED
 from pipeline.evaluate.summary import Row
 from pipeline.html import render_page
@@ -21,10 +22,9 @@ def page(cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (),
     """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the program."""
     said = f"Code {code[:12]}." if code else ""
     shown = [(film.caption, film.strip, film.mp4) for film in films]
-    counted = {"episodes": sum(cell["episodes"] for cell in cells), "code": said}
-    return render_page(
-        "pipeline.evaluate", "evaluation.html", cells=cells, means=means, films=shown, published=PUBLISHED, **counted
-    )
+    tables = {"cells": cells, "means": means, "panels": panels(means), "films": shown, "published": PUBLISHED}
+    episodes = sum(cell["episodes"] for cell in cells)
+    return render_page("pipeline.evaluate", "evaluation.html", episodes=episodes, code=said, **tables)
 
 
 def caption(row: Row) -> str:

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
+from pipeline.data.names import CAMERAS
 from pipeline.data.recipe import Recipe
+from pipeline.evaluate.adapters.lerobot import LerobotForm
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.evaluate import evaluate as run_evaluation
@@ -18,19 +21,26 @@ from pipeline.evaluate.ladder.demonstrations import Demonstration, made, stored
 from pipeline.evaluate.ladder.network import Settings
 from pipeline.evaluate.ladder.policy import LadderForm
 from pipeline.evaluate.ladder.samples import LadderError, samples
-from pipeline.evaluate.ladder.tables import summary
+from pipeline.evaluate.ladder.tables import RESULTS, summary, write_results
 from pipeline.evaluate.ladder.training import train
+from pipeline.evaluate.policy import PolicyName
 from pipeline.evaluate.protocol import Runner
+from pipeline.evaluate.views import CAMERAS as SEEN
+from pipeline.run.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
 
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """What is trained and tried. `recipe` names tasks, robot, levels, alpha and demonstrations a cell (`episodes`); one network
-    learns a task at all its levels. `executed` are pairs of a chunk's length and how much of it is executed; networks of one
-    length are trained once. `episodes` are admitted scenes a cell. `code` names the version of this program, `physics` that of what
-    makes demonstrations: those of another version are made again."""
+    """What is trained and tried.
+
+    `recipe` names tasks, robot, levels, alpha and demonstrations a cell (`episodes`); one network learns a task at all its levels.
+    `executed` are pairs of a chunk's length and how much of it is executed; networks of states of one length are trained once.
+    Inputs that are IMAGE_RUNGS are trained by LeRobot on the images of `data`, for `image_steps` steps and with the words
+    `train_options` besides. `episodes` are admitted scenes a cell. `code` names the version of this program, `physics` that of
+    what makes demonstrations: those of another version are made again.
+    """
 
     recipe: Recipe
     inputs: tuple[str, ...]
@@ -41,29 +51,67 @@ class Ladder:
     data: Path | None = None
     code: str = ""
     physics: str = ""
+    image_steps: int = 20_000
+    train_options: tuple[str, ...] = ()
 
 
 def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None) -> list[Row]:
-    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise it.
+    """Make what is missing below OUT (demonstrations, networks, OUT/episodes.jsonl) and summarise it in OUT/ladder.json, which is
+    written anew after every network.
 
     Raises LadderError where a task has no demonstrations, and what evaluation and datasets raise.
     """
     rows = list[Row]()
+    states = [kind for kind in ladder.inputs if kind not in IMAGE_RUNGS]
     for task in ladder.recipe.tasks:
-        tell(f"{task}: demonstrations")
-        shown = list(_demonstrations(ladder, task, out, run))
-        if len(shown) == 0:
-            raise LadderError(f"{task}: there is no demonstration to learn from; give --data a dataset that has some")
-        lengths = sorted({chunk for chunk, _ in ladder.executed})
-        for kind, chunk, seed in itertools.product(ladder.inputs, lengths, range(ladder.seeds)):
-            settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed)
-            tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
-            path = _network(shown, settings, out / "networks" / task)
-            for execute in (e for c, e in ladder.executed if c == chunk):
-                made_of = {"inputs": kind, "chunk": chunk, "execute": execute, "demonstrations": len(shown)}
-                wanted = _evaluation(ladder, task, f"ladder:{path}?execute={execute}")
-                rows += [_row(cell) | made_of for cell in run_evaluation(wanted, out, run).cells]
+        if states:
+            tell(f"{task}: demonstrations")
+            shown = list(_demonstrations(ladder, task, out, run))
+            if len(shown) == 0:
+                raise LadderError(f"{task}: there is no demonstration to learn from; give --data a dataset that has some")
+            lengths = sorted({chunk for chunk, _ in ladder.executed})
+            for seed, kind, chunk in itertools.product(range(ladder.seeds), states, lengths):
+                settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed)
+                tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
+                path = _network(shown, settings, out / "networks" / task)
+                for execute in (e for c, e in ladder.executed if c == chunk):
+                    made_of = {"inputs": kind, "chunk": chunk, "execute": execute, "demonstrations": len(shown)}
+                    wanted = _evaluation(ladder, task, LadderForm().name(f"ladder:{path}?execute={execute}"))
+                    rows += [_row(cell) | made_of for cell in run_evaluation(wanted, out, run).cells]
+                write_results(out / RESULTS, summary(rows), ladder.code)
+        for found in _image_rows(ladder, task, out, run, tell):
+            rows += found
+            write_results(out / RESULTS, summary(rows), ladder.code)
     return summary(rows)
+
+
+def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Row]]:
+    """Rows of the rungs that see images, one list a trained policy."""
+    kinds = [kind for kind in ladder.inputs if kind in IMAGE_RUNGS]
+    if not kinds:
+        return
+    if ladder.data is None:
+        raise LadderError(f"{kinds[0]} learns from images: give --data a dataset that has them")
+    recipe, cameras = Dataset(ladder.data).recipe(), _cameras(ladder.data)
+    cells = ladder.recipe.model_copy(update={"tasks": (task,)}).cells()
+    dataset, count = lerobot_dataset(ladder.data, [cell for cell in cells if cell in recipe.cells()], out / "lerobot")
+    for seed, kind, (chunk, execute) in itertools.product(range(ladder.seeds), kinds, ladder.executed):
+        tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
+        training = ImageTraining(kind, chunk, execute, seed, ladder.image_steps, ladder.train_options)
+        path = image_policy(training, dataset, out / "networks" / task)
+        wanted = _evaluation(ladder, task, LerobotForm().name(f"lerobot:{path}?resize=true"), cameras)
+        made_of = {"inputs": kind, "chunk": chunk, "execute": execute, "demonstrations": count}
+        yield [_row(cell) | made_of for cell in run_evaluation(wanted, out, run).cells]
+
+
+def _cameras(data: Path) -> tuple[str, ...]:
+    """The cameras of a dataset that an evaluation has, too. Raises LadderError for a dataset that has others."""
+    cameras = tuple(
+        CAMERAS.get(camera, "") if isinstance(camera, str) else camera.name for camera in Dataset(data).recipe().cameras
+    )
+    if other := [name for name in cameras if name not in SEEN]:
+        raise LadderError(f"{data}: has the camera {other[0]}, which an evaluation lacks; it has {', '.join(SEEN)}")
+    return cameras
 
 
 def _demonstrations(ladder: Ladder, task: str, out: Path, run: Runner) -> Iterator[Demonstration]:
@@ -85,10 +133,10 @@ def _network(shown: Sequence[Demonstration], settings: Settings, where: Path) ->
     return path
 
 
-def _evaluation(ladder: Ladder, task: str, policy: str) -> Evaluation:
+def _evaluation(ladder: Ladder, task: str, policy: PolicyName, cameras: tuple[str, ...] = ()) -> Evaluation:
     cells = tuple(ladder.recipe.model_copy(update={"tasks": (task,)}).cells())
     clock, rules = Clock("sim", "sim"), ladder.recipe.ruling()
-    return Evaluation(cells, LadderForm().name(policy), clock, ladder.episodes, code=ladder.code, rules=rules)
+    return Evaluation(cells, policy, clock, ladder.episodes, cameras=cameras, code=ladder.code, rules=rules)
 
 
 def _row(cell: Row) -> Row:

@@ -278,7 +278,9 @@ CASES = [
     *cases(
         "ladder --out OUT",
         ("--tasks nothing", "nothing"),
-        ("--inputs smell", "smell"),
+        ("--rungs smell", "smell"),
+        ("--rungs act", "--data"),
+        ("--train-options '", "--train-options"),
         ("--chunks 8", "--chunks"),
         ("--chunks 4:8", "--chunks"),
         ("--seeds 0", "--seeds"),

@@ -1,6 +1,9 @@
 """The sanity ladder as a whole: demonstrations, tables, and a small one end to end."""
 
 import json
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +15,12 @@ from pipeline.evaluate.ladder.demonstrations import ARRAYS, SlotJob, fill, store
 from pipeline.evaluate.ladder.disturb import disturbances, disturbed
 from pipeline.evaluate.ladder.network import Settings
 from pipeline.evaluate.ladder.samples import LadderError, samples
-from pipeline.evaluate.ladder.tables import summary, table
+from pipeline.evaluate.ladder.tables import RESULTS, read_results, summary, table, write_results
+from pipeline.export.card import read_card
 from pipeline.planning.planner import planner_for
+from pipeline.run.image_rungs import ImageTraining, image_policy, lerobot_dataset
 from pipeline.run.ladder import Ladder, climb
+from tests.run.test_build import command
 
 
 def test_a_datasets_episodes_are_those_made_without_images(built):
@@ -68,13 +74,114 @@ def test_a_task_without_demonstrations_is_named(built, tmp_path):
         climb(wanted, tmp_path, inline)
 
 
+def results(task="t", solved=3, seeds=2):
+    row = {"task": task, "embodiment": "aloha-agilex", "alpha": 0.1, "level": 1, "inputs": "position", "chunk": 8, "execute": 4}
+    return summary([row | {"demonstrations": 9, "episodes": 10, "solved": solved + 2 * i} for i in range(seeds)])
+
+
 def test_seeds_are_summed_up_with_an_interval():
-    row = {"task": "t", "embodiment": "e", "alpha": 0.1, "level": 1, "inputs": "position", "chunk": 8, "execute": 4}
-    row |= {"demonstrations": 9, "episodes": 10}
-    (found,) = summary([row | {"solved": 3}, row | {"solved": 5}])
+    (found,) = results()
     assert (found["success_rate"], found["episodes"], found["by_seed"]) == (40, 20, [30, 50])
     assert found["success_interval"][0] == pytest.approx(21.9, abs=0.1)  # Wilson by hand
     assert table([found]).splitlines()[-1] == "| t | position | 8 | 4 | 40 (22-61) |"
+
+
+def test_results_of_other_tasks_stay_while_the_program_is_the_same(tmp_path):
+    path = tmp_path / RESULTS
+    write_results(path, results("a"), "one")
+    write_results(path, results("b"), "one")
+    write_results(path, results("a", 8), "one")
+    rows, code = read_results(path)
+    assert ([(row["task"], row["solved"]) for row in rows], code) == ([("b", 8), ("a", 18)], "one")
+    write_results(path, results("a"), "two")
+    assert [row["task"] for row in read_results(path)[0]] == ["a"]
+
+
+def test_an_export_has_the_table_on_its_card(built, tmp_path, capsys, monkeypatch):
+    path = tmp_path / RESULTS
+    words = ("export", built, "--format", "parquet", "--out", tmp_path / "out", "--ladder", path)
+    for text in ("{}", '{"code": "c", "results": []}', "no"):
+        path.write_text(text)
+        code, _, err = command(capsys, monkeypatch, *words)
+        assert code == 2 and err.count("\n") == 1 and str(path) in err
+    path.unlink()
+    write_results(path, results("stamp_seal"), "c")
+    code, _, err = command(capsys, monkeypatch, *words)
+    assert code == 2 and "has stamp_seal on aloha-agilex, none of it in the dataset" in err
+    write_results(path, results("click_bell"), "c")
+    code, _, _ = command(capsys, monkeypatch, *words, "--json")
+    text = read_card(tmp_path / "out" / "README.md")[1]
+    section = text.split("\n## Sanity ladder\n")[1].split("\n## ")[0]
+    assert code == 0 and "| click_bell | position | 8 | 4 | 40 (22-61) |" in section and "stamp_seal" not in section
+
+
+TINY = """--policy.dim_model=32 --policy.dim_feedforward=32 --policy.n_vae_encoder_layers=1 --policy.n_encoder_layers=1
+    --policy.vision_backbone=resnet18 --batch_size=2"""
+
+
+@pytest.mark.slow
+def test_image_rungs_are_trained_by_lerobot_and_tried(built, tmp_path):
+    pytest.importorskip("lerobot")
+    recipe = Recipe(tasks=("click_bell",), levels=(1,))
+    made = {"data": built, "image_steps": 2, "code": "c"}
+    wanted = Ladder(recipe, ("act",), ((4, 4),), 1, 1, train_options=tuple(TINY.split()), **made)
+    (row,) = climb(wanted, tmp_path, inline)
+    assert (row["inputs"], row["level"], row["episodes"], row["demonstrations"]) == ("act", 1, 1, 1)
+    (found,) = map(json.loads, (tmp_path / "episodes.jsonl").read_text().splitlines())
+    assert not found["sees_truth"] and found["asked"] == -(-found["periods"] // 4)
+    (policy,) = (tmp_path / "networks" / "click_bell").iterdir()
+    assert json.loads((policy / "config.json").read_text())["dim_model"] == 32
+    assert climb(wanted, tmp_path, inline) == [row]
+
+
+@pytest.mark.slow
+def test_the_words_for_diffusion_make_its_configuration():
+    configuration = pytest.importorskip("lerobot.policies.diffusion.configuration_diffusion")
+    words = ImageTraining("diffusion", 8, 4, 3, 10, ("--policy.device=cuda",)).command(Path("data"), Path("out"))
+    assert "--seed=3" in words and words[-1] == "--policy.device=cuda"
+    given = dict(word.removeprefix("--policy.").split("=") for word in words if word.startswith("--policy."))
+    assert given.pop("type") == "diffusion" and given.pop("device") == "cuda" and given.pop("push_to_hub") == "false"
+    known = {field.name for field in fields(configuration.DiffusionConfig)}
+    assert {"horizon", "n_action_steps", *given} <= known
+    config = configuration.DiffusionConfig(
+        horizon=int(given["horizon"]), n_action_steps=int(given["n_action_steps"]), down_dims=tuple(json.loads(given["down_dims"]))
+    )
+    assert config.n_obs_steps == 2
+
+
+@dataclass(frozen=True)
+class StandIn(ImageTraining):
+    """A training that runs a line of Python with the output directory in place of lerobot-train."""
+
+    code: str = ""
+
+    def command(self, dataset, out):
+        return [sys.executable, "-c", self.code, str(out)]
+
+
+def test_a_trained_policy_is_kept_and_a_failed_training_says_why(tmp_path):
+    saves = "import os, sys; os.makedirs(p := sys.argv[1] + '/checkpoints/2/pretrained_model'); open(p + '/config.json', 'w');"
+    saves += "os.symlink('2', sys.argv[1] + '/checkpoints/last')"
+    training = StandIn("act", 4, 2, 0, 2, code=saves)
+    path = image_policy(training, tmp_path / "bells_1", tmp_path / "out")
+    assert [file.relative_to(path).as_posix() for file in path.rglob("*")] == ["config.json"]
+    before = path.stat().st_mtime_ns
+    assert image_policy(training, tmp_path / "bells_1", tmp_path / "out").stat().st_mtime_ns == before
+    failing = StandIn("act", 4, 2, 0, 2, code="raise SystemExit('said\\nno such option')")
+    with pytest.raises(LadderError, match=r"^lerobot-train failed: no such option$"):
+        image_policy(failing, tmp_path / "bells_1", tmp_path / "out")
+    assert image_policy(training, tmp_path / "bells_2", tmp_path / "out") != path
+
+
+def test_a_dataset_is_exported_for_lerobot_once(built, tmp_path):
+    cells = Recipe(tasks=("click_bell",), levels=(1, 3)).cells()
+    out, count = lerobot_dataset(built, cells, tmp_path)
+    assert count == 2 and (out / "meta" / "info.json").is_file()
+    before = (out / "meta" / "info.json").stat().st_mtime_ns
+    assert lerobot_dataset(built, cells, tmp_path) == (out, 2) and (out / "meta" / "info.json").stat().st_mtime_ns == before
+    assert lerobot_dataset(built, cells[:1], tmp_path)[0] != out
+    with pytest.raises(LadderError, match="stamp_seal"):
+        lerobot_dataset(built, Recipe(tasks=("stamp_seal",)).cells(), tmp_path)
 
 
 def test_a_small_ladder_end_to_end(tmp_path):
@@ -88,6 +195,6 @@ def test_a_small_ladder_end_to_end(tmp_path):
     assert all(json.loads(line)["sees_truth"] for line in lines)
     times = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
     assert len(times) == 4
-    assert climb(wanted, tmp_path, inline) == rows
+    assert climb(wanted, tmp_path, inline) == rows == read_results(tmp_path / RESULTS)[0]
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")} == times
     assert (tmp_path / "episodes.jsonl").read_text().splitlines() == lines

@@ -1,11 +1,23 @@
-"""The results of a ladder: seeds summed up, and the table."""
+"""The results of a ladder: seeds summed up, the file they are kept in, and the table."""
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from pipeline.data.atomic import write_atomic
+from pipeline.data.errors import DominoError
 from pipeline.evaluate.intervals import wilson
 
 Row = dict[str, Any]
+
+RESULTS = "ladder.json"
+"""Name of the file of results."""
+
+
+class ResultsFileError(DominoError):
+    """A file that holds no results of a ladder."""
+
 
 KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations")
 
@@ -15,7 +27,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     rate of each seed."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row[key] for key in KEYS), []).append(row)
+        groups.setdefault(_key(row), []).append(row)
     out = []
     for key, group in groups.items():
         solved, episodes = sum(r["solved"] for r in group), sum(r["episodes"] for r in group)
@@ -41,3 +53,46 @@ def table(rows: Sequence[Row]) -> str:
 def _cell(row: Row) -> str:
     low, high = row["success_interval"]
     return f"{row['success_rate']:.0f} ({low:.0f}-{high:.0f})"
+
+
+def write_results(path: Path, rows: Sequence[Row], code: str) -> None:
+    """The rows of `summary` with the version of the program that found them; rows that the file has of other cells and networks
+    stay where they are of the same version."""
+    kept = list[Row]()
+    if path.exists():
+        before, version = read_results(path)
+        found = {_key(row) for row in rows}
+        kept = [row for row in before if version == code and _key(row) not in found]
+    write_atomic(path, (json.dumps({"code": code, "results": [*kept, *rows]}, indent=1) + "\n").encode())
+
+
+def read_results(path: Path) -> tuple[list[Row], str]:
+    """Inverse of `write_results`. Raises ResultsFileError in one line for a file that is none."""
+    try:
+        values = json.loads(path.read_text())
+        rows, code = values["results"], str(values["code"])
+        said(rows, code)
+        if not rows:
+            raise ValueError("it has no row")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultsFileError(f"{path}: is no results file of domino-data ladder ({error}); it is OUT/{RESULTS}") from error
+    return rows, code
+
+
+def said(rows: Sequence[Row], code: str) -> str:
+    """Markdown for a dataset's card: what was trained on what, and the table."""
+    robots, alphas = (", ".join(sorted({f"{row[key]}" for row in rows})) for key in ("embodiment", "alpha"))
+    shown = ", ".join(map(str, sorted({int(row["demonstrations"]) for row in rows})))
+    seeds = ", ".join(map(str, sorted({len(row["by_seed"]) for row in rows})))
+    tried = ", ".join(map(str, sorted({int(row["episodes"]) for row in rows})))
+    return (
+        "What memory buys on moving targets: small networks on states learn a task at all levels together and differ only in what "
+        "they see: where everything is (`position`), the target's velocity besides (`velocity`), or everything now and a moment "
+        f"ago (`two_frames`). {robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
+        f"Per cent of episodes ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data ladder`), "
+        f"Wilson's 95 % interval over the episodes in brackets. Code {code[:12]}.\n\n{table(rows)}\n"
+    )
+
+
+def _key(row: Row) -> tuple[Any, ...]:
+    return tuple(row[key] for key in KEYS)

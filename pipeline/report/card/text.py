@@ -38,8 +38,11 @@ CITATION = """\
 """
 
 
-def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping[str, Any]], str]:
-    """The text of the card of an export of these episodes, as a function of its directory and summary."""
+def describe(
+    dataset: Path, episodes: Sequence[Path], more: Mapping[str, str] | None = None
+) -> Callable[[Path, Mapping[str, Any]], str]:
+    """The text of the card of an export of these episodes, as a function of its directory and summary; `more` are sections of
+    others, Markdown by title."""
 
     def write(folder: Path, summary: Mapping[str, Any]) -> str:
         seen = [look(path) for path in episodes]
@@ -62,6 +65,7 @@ def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping
             "How to load it": _loading(summary),
             "Splits": _splits(seen),
             "How it was made": _made(dataset),
+            **(more or {}),
             "Known limits": LIMITS,
             "Citation": CITATION,
         }
