@@ -3,6 +3,7 @@
 import io
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -54,6 +55,37 @@ def test_everything_that_is_written_is_read(tmp_path, made):
             np.testing.assert_array_equal(file.array(f"{group}/actor_segmentation"), view.segmentation)
             np.testing.assert_array_equal(file.array(f"{group}/pose"), view.poses)
     assert [p.name for p in path.parent.iterdir()] == ["e.hdf5"]
+
+
+def test_a_file_of_schema_2_is_read(tmp_path, made):
+    episode, views = made
+    write_episode(tmp_path / "e.hdf5", episode, views)
+    assert episode.log.skills and episode.log.touches
+    with h5py.File(tmp_path / "e.hdf5", "r+") as f:
+        f.attrs["schema"] = 2
+        rows = np.asarray(f["state/contacts"])
+        for key in ("skills", "interception", "state/contacts"):
+            del f[key]
+        f["state/contacts"] = rows[["frame", "a", "b", "impulse", "point"]]
+    with open_episode(tmp_path / "e.hdf5") as file:
+        back = file.read()
+    assert back.log.skills == back.log.touches == [] and not back.interception
+    assert back.log.contacts["points"].tolist() == [0]
+    np.testing.assert_array_equal(back.log.contacts["point"], episode.log.contacts["point"])
+
+
+def test_arrays_of_the_interception_group_come_back_by_key(tmp_path, made):
+    episode, views = made
+    arrays = {
+        "planned_time": np.array(2.5),
+        "conditions/held": np.array([True, False]),
+        "tracks/head_camera/box": np.ones((2, 1, 4)),
+    }
+    write_episode(tmp_path / "e.hdf5", replace(episode, interception=arrays), views)
+    with open_episode(tmp_path / "e.hdf5") as file:
+        back = file.interception()
+    assert set(back) == set(arrays)
+    assert all(np.array_equal(back[key], values) and back[key].dtype == values.dtype for key, values in arrays.items())
 
 
 def test_arms_and_grippers_are_columns_of_the_vector(tmp_path):

@@ -10,6 +10,8 @@ from pipeline.data.episode import Episode
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe
 from pipeline.data.rules import rules_of
+from pipeline.motion.interception import Interception
+from pipeline.motion.interception_group import conditions_of, physics_arrays
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.registry import UnknownName
 from pipeline.run.verify.tally import Finding, seen
@@ -115,5 +117,32 @@ def check_success(p: Physics) -> Iterator[Finding]:
     yield seen("success", p.scene.succeeded(p.episode.log), f"{p.name}: success does not hold when re-evaluated from its state log")
 
 
-CHECKS = {"timestamps": check_clock, "physics id": check_identity, "target path": check_motion, "success": check_success}
+def check_interception(p: Physics) -> Iterator[Finding]:
+    """The group `interception` is what follows from the state log; runs of skills lie within the episode. None in schema 2."""
+    e, log = p.episode, p.episode.log
+    if not e.interception:
+        return
+    derived = Interception(e.meta, log, p.motion, log.pose(e.meta.target))
+    conditions = conditions_of(e.interception)
+    for key, wanted in physics_arrays(derived, conditions).items():
+        same = key in e.interception and np.array_equal(e.interception[key], wanted)
+        yield seen("interception", same, f"{p.name}: interception/{key} is not what the state log says")
+    failing = [name for name, holds in conditions.items() if len(holds) != len(log) or not holds[-1]]
+    yield seen("interception", not failing, f"{p.name}: condition {', '.join(failing)} does not hold at the end")
+    met, sides = log.event("meeting"), {touch.side: touch for touch in log.touches}
+    touch = next((sides[side] for side in sides if met and met.by.startswith(f"{side}_") and met.by not in e.meta.objects), None)
+    right = touch is None or (met is not None and touch.step == round(met.time * e.meta.physics_hz))
+    yield seen("interception", right, f"{p.name}: its first contact is not at the meeting")
+    last = round(float(log.times[-1]) * e.meta.physics_hz)
+    inside = all(0 <= run.start < run.end <= last for run in log.skills) and bool(log.skills)
+    yield seen("interception", inside, f"{p.name}: its runs of skills are missing or not within the episode")
+
+
+CHECKS = {
+    "timestamps": check_clock,
+    "physics id": check_identity,
+    "target path": check_motion,
+    "success": check_success,
+    "interception": check_interception,
+}
 """Name of the promise that is broken where one of these cannot be judged at all -> how it is judged."""
