@@ -46,12 +46,12 @@ class State:
 
 
 def features(now: State, before: State, kind: str) -> Floats:
-    """(T,F) what a network sees of T frames, and of the frames before them for `two_frames`; for `velocity` the target's velocity
-    besides."""
+    """(T,F) what a network sees of T frames; for `velocity` the target's velocity besides; for `two_frames` what changed since the
+    frames before, which is as much as to see both and is scaled on its own: at 0.1 m/s it is 7 mm in a control period."""
     if kind == "velocity":
         return np.concatenate([_seen(now), now.velocity], 1)
     if kind == "two_frames":
-        return np.concatenate([_seen(now), _seen(before)], 1)
+        return np.concatenate([_seen(now), _seen(now) - _seen(before)], 1)
     return _seen(now)
 
 
