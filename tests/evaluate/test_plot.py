@@ -46,6 +46,6 @@ def test_the_page_draws_the_points_and_what_others_report_apart():
     drawn, rest = text.split('aria-label="success rates that others report at level 1"')
     assert re.findall(r'points="([^"]+)"', drawn)[0] == "0.0,0.0 130.0,135.0 260.0,162.0 "
     bars = re.findall(r'<rect x="0" y="\d+" width="([\d.]+)"', rest)
-    assert [float(width) for width in bars] == [round(2.6 * p.success_rate, 1) for p in PUBLISHED]
+    assert [float(width) for width in bars] == [round(2.6 * (p.success_rate or 0), 1) for p in PUBLISHED]
     assert not any(p.model in drawn for p in PUBLISHED)
     assert all(f"{p.model}: {p.success_rate} ({p.source})" in rest for p in PUBLISHED)
