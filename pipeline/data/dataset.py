@@ -100,9 +100,11 @@ class Dataset:
             try:
                 same = file_hash(path) == row["kept"]
             except OSError as error:
-                raise DatasetError(f"{path}: cannot be read ({error.strerror}); delete its ledger entry and build again") from error
+                raise DatasetError(
+                    f"{path}: cannot be read ({error.strerror}); remove its slot's episode and build again"
+                ) from error
             if not same:
-                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; delete its ledger entry and build again")
+                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; remove its slot's episode and build again")
         return [path for path, _ in found]
 
     @property

@@ -205,7 +205,7 @@ class Ledger:
             write_atomic(path, encoded(table))
             rows += len(table)
         for segment in journal.segments:
-            segment.unlink(missing_ok=True)
+            remove(segment)
         if journal.segments:
             with suppress(OSError):  # another process has written a segment meanwhile
                 self.segments.rmdir()

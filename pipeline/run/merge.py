@@ -42,9 +42,12 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
     and for an episode whose bytes are not its ledger's; OSError where the disk refuses.
     """
+    if len(sources) < 2:
+        raise DatasetError("merge joins two datasets or more: name another one")
     for source in sources:
-        if source.root.resolve() == out.root.resolve():
-            raise DatasetError(f"--out {out.root} is one of the datasets: name another directory")
+        here, there = source.root.resolve(), out.root.resolve()
+        if here.is_relative_to(there) or there.is_relative_to(here):
+            raise DatasetError(f"--out {out.root} is one of the datasets, within one or around it: name another directory")
     recipes = [source.recipe() for source in sources]
     recipe = _joined(sources, recipes)
     held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]
