@@ -24,6 +24,7 @@ from pipeline.commands.evaluate import evaluate
 from pipeline.commands.export import ExportCommand, export
 from pipeline.commands.inspect import status, verify
 from pipeline.commands.ladder import ladder
+from pipeline.commands.manage import diff, gc, merge, regenerate
 from pipeline.commands.publish import publish
 from pipeline.commands.render import render
 from pipeline.commands.serve_policy import serve_policy
@@ -34,6 +35,7 @@ from pipeline.data.reading import printable
 
 VERBS = (
     *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, ladder, serve_policy),
+    *(diff, regenerate, merge, gc),
     *(tasks, embodiments, objects, check_task, check_object, doctor),
 )
 CLASSES: dict[Callable[..., None], type[TyperCommand]] = {export: ExportCommand}

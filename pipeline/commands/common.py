@@ -51,10 +51,7 @@ def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
     """Say on standard error how many episodes are of another version of code or recipe; they are used all the same."""
     from pipeline.run.state import DONE, OPEN, states
 
-    stale = sum(
-        state.todo not in (DONE, OPEN) and state.record is not None and state.record.accepted
-        for _, state in states(dataset, recipe)
-    )
+    stale = sum(state.todo not in (DONE, OPEN) and bool(state.accepted) for _, state in states(dataset, recipe))
     if stale:
         print(
             f"domino-data: warning: {stale} episodes are of another version of code or recipe and are used as they are; "

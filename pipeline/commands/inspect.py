@@ -15,8 +15,8 @@ FEW = 50
 
 def status(dataset: Root, as_json: AsJson = False) -> None:
     """Say what a dataset holds and what went wrong."""
-    from pipeline.run.plan import status as run_status
     from pipeline.run.reasons import Reason
+    from pipeline.run.status import status as run_status
 
     values = run_status(Dataset(dataset))
     lines = [

@@ -1,7 +1,7 @@
 """A dataset directory: where its files are, and what its ledger says is there. Reading one needs no simulator."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, write_atomic
+from pipeline.data.entries import Entries, Files
 from pipeline.data.errors import DominoError
 from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
-from pipeline.data.ledger import ATTEMPTS, SlotRecord
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger_files import Ledger
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
@@ -98,14 +100,17 @@ class Dataset:
             try:
                 same = file_hash(path) == row["kept"]
             except OSError as error:
-                raise DatasetError(f"{path}: cannot be read ({error.strerror}); delete its ledger entry and build again") from error
+                raise DatasetError(
+                    f"{path}: cannot be read ({error.strerror}); remove its slot's episode and build again"
+                ) from error
             if not same:
-                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; delete its ledger entry and build again")
+                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; remove its slot's episode and build again")
         return [path for path, _ in found]
 
-    def ledger(self, slot: Slot) -> Path:
-        """Path of a slot's ledger entry."""
-        return self.root / "ledger" / f"{slot.path}.json"
+    @property
+    def ledger(self) -> Ledger:
+        """Which slots are finished."""
+        return Ledger(self.root / "ledger")
 
     def exports(self, name: str) -> Path:
         """Default place of an export."""
@@ -158,29 +163,38 @@ class Dataset:
                 raise DatasetError(f"{path} is a file where a directory belongs; remove it")
 
     def record(self, slot: Slot) -> SlotRecord | None:
-        """The ledger entry of a slot, or None where there is none or it is damaged. Raises PermissionError."""
-        try:
-            return SlotRecord.from_json(read_regular(self.ledger(slot)))
-        except PermissionError:
-            raise
-        except (OSError, ValueError, TypeError, AttributeError, KeyError):
-            return None
+        """The ledger entry of a slot, or None where there is none or it is damaged; for many slots, `records`. Raises OSError."""
+        return self.ledger.record(slot.path)
+
+    def entries(self, recipe: Recipe, columns: Sequence[str] | None = None) -> Entries:
+        """The ledger of the recipe's slots as it is now, of all columns or some. Raises OSError."""
+        return Entries(self.ledger, recipe, columns)
+
+    def present(self, entries: Entries) -> Entries:
+        """Those entries that were given up or whose episode is there."""
+        files = Files(self.episodes)
+        pairs = zip(entries.slots, entries.accepted, strict=True)
+        return entries.kept([not accepted or files.entry(slot) is not None for slot, accepted in pairs])
 
     def records(self, recipe: Recipe) -> Iterator[tuple[Slot, SlotRecord]]:
         """Every slot of the recipe that was filled or given up, in the recipe's order; those whose episode is missing are not."""
-        for slot in recipe.slots():
-            record = self.record(slot)
-            if record is not None and (not record.accepted or os.path.lexists(self.episode(slot))):
+        for slot, record in self.present(self.entries(recipe)).records():
+            if record is not None:
                 yield slot, record
 
     def accepted(self, recipe: Recipe) -> list[Path]:
         """Episode files of the recipe's slots, in its order."""
-        return [self.episode(slot) for slot, record in self.records(recipe) if record.accepted]
+        found = self.present(self.entries(recipe, ()))
+        return [self.episode(slot) for slot, accepted in zip(found.slots, found.accepted, strict=True) if accepted]
 
     def intact(self, slot: Slot, record: SlotRecord) -> bool:
         """Whether a slot's episode is there with the bytes that its ledger entry names. Raises PermissionError."""
+        return self.hashed(slot, record.sha256)
+
+    def hashed(self, slot: Slot, sha256: str) -> bool:
+        """Whether a slot's episode is there with bytes of this hash. Raises PermissionError."""
         try:
-            return file_hash(self.episode(slot)) == record.sha256
+            return file_hash(self.episode(slot)) == sha256
         except PermissionError:
             raise
         except OSError:
@@ -191,13 +205,11 @@ class Dataset:
 
         A directory without a ledger was not built: there is nothing to compare with.
         """
-        entry = self.root / "ledger" / episode.with_suffix(".json")
         if not (self.root / "ledger").is_dir():
             return
-        try:
-            record = SlotRecord.from_json(read_regular(entry))
-        except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
-            raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot") from error
+        record = self.ledger.record(episode.with_suffix("").as_posix())
+        if record is None:
+            raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot")
         try:
             same = record.accepted and file_hash(self.episodes / episode) == record.sha256
         except OSError as error:
@@ -207,13 +219,15 @@ class Dataset:
 
     def intact_episodes(self, recipe: Recipe) -> list[Path]:
         """As `accepted`, after reading every file. Raises DatasetError for those that cannot be read or are not the ledger's."""
-        found = [(slot, record) for slot, record in self.records(recipe) if record.accepted]
+        entries = self.present(self.entries(recipe, ()))
+        pairs = zip(entries.slots, entries.table["sha256"].to_pylist(), strict=True)
+        found = [(slot, sha256) for slot, sha256 in pairs if sha256]
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
             try:
                 hashes = list(threads.map(lambda pair: file_hash(self.episode(pair[0])), found))
             except OSError as error:
                 raise DatasetError(f"{error.filename}: cannot be read ({error.strerror}); run the build again") from error
-        damaged = [slot for (slot, record), found_hash in zip(found, hashes, strict=True) if found_hash != record.sha256]
+        damaged = [slot for (slot, sha256), found_hash in zip(found, hashes, strict=True) if found_hash != sha256]
         if damaged:
             others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
             raise DatasetError(f"{self.episode(damaged[0])}{others}: {CHANGED}")
@@ -234,8 +248,7 @@ class Dataset:
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""
-        rows = [row for _, record in self.records(recipe) for row in record.attempts]
-        table = pa.Table.from_pylist(rows, schema=ATTEMPTS)
+        table = self.present(self.entries(recipe, ("attempts",))).attempts()
         with atomic_path(self.attempts) as temporary:
             pq.write_table(table, temporary, compression="zstd")
         return table

@@ -3,7 +3,8 @@
 import json
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import pyarrow as pa
@@ -35,7 +36,7 @@ ATTEMPTS = pa.schema(
 """Columns of attempts.parquet: one row an attempt; `kept` is the sha256 of the file of a failed attempt that is kept, speeds (m/s)
 and displacement (m) are those of the motion that was drawn, if any."""
 
-_SHA256 = re.compile("[0-9a-f]{64}")
+SHA256 = re.compile("[0-9a-f]{64}")
 _LARGEST_WHOLE = 2**53  # beyond it not every whole number is a float64
 
 
@@ -54,10 +55,21 @@ def _fits(column: str, value: Any) -> bool:
 
 
 @dataclass(frozen=True)
+class FileFacts:
+    """What is known of an episode file without opening it: its length in bytes, its `stamp` when it was last seen whole
+    (data/stamps.py; "" unknown), its frames (0 unknown), and the assets that it names with their stamps."""
+
+    size: int = 0
+    stamp: str = ""
+    frames: int = 0
+    assets: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class SlotRecord:
     """The ledger entry of a finished slot: its keys, whether it was accepted, the episode's sha256, every attempt as a row of
     ATTEMPTS, and seconds by phase. `source` is the sha256 of the episode file whose state log the images were drawn from, where
-    that is another one; its attempts stand with variant 0."""
+    that is another one; its attempts stand with variant 0. `file` says what was seen of the episode file."""
 
     keys: SlotKeys
     accepted: bool
@@ -65,26 +77,34 @@ class SlotRecord:
     attempts: tuple[dict[str, Any], ...]
     phases: dict[str, float]
     source: str = ""
+    file: FileFacts = field(default_factory=FileFacts)
 
     def to_json(self) -> bytes:
-        """Canonical JSON."""
-        values = vars(self) | {"keys": self.keys.to_json(), "attempts": list(self.attempts)}
-        return json.dumps(values, sort_keys=True, indent=1).encode()
+        """JSON with sorted keys, in ASCII, without line breaks."""
+        values = vars(self) | {"keys": self.keys.to_json(), "attempts": list(self.attempts), "file": asdict(self.file)}
+        return json.dumps(values, sort_keys=True, separators=(",", ":")).encode()
 
     @classmethod
     def from_json(cls, text: str | bytes) -> "SlotRecord":
-        """Inverse of `to_json`. Raises ValueError, TypeError, AttributeError or KeyError for text that is no record."""
-        values = parse_json(text)
+        """Inverse of `to_json`; entries of older versions have no `file`. Raises ValueError, TypeError, AttributeError or KeyError
+        for text that is no record."""
+        return cls.from_values(parse_json(text))
+
+    @classmethod
+    def from_values(cls, values: dict[str, Any]) -> "SlotRecord":
+        """As `from_json`, for what the text says."""
         canonical(values)  # refuses infinite numbers and texts that have no UTF-8
-        record = cls(**(values | {"keys": SlotKeys.from_json(values["keys"]), "attempts": tuple(values["attempts"])}))
-        record._check()
+        file = FileFacts(**values.get("file", {}))
+        keys = SlotKeys.from_json(values["keys"])
+        record = cls(**(values | {"keys": keys, "attempts": tuple(values["attempts"]), "file": file}))
+        record.check()
         return record
 
-    def _check(self) -> None:
+    def check(self) -> None:
         """Raise ValueError where the parts cannot be those of one slot."""
         if not isinstance(self.accepted, bool) or not isinstance(self.sha256, str) or not isinstance(self.source, str):
             raise ValueError("accepted is not true or false, or a hash is no text")
-        if self.accepted != bool(_SHA256.fullmatch(self.sha256)) or (self.sha256 and not self.accepted):
+        if self.accepted != bool(SHA256.fullmatch(self.sha256)) or (self.sha256 and not self.accepted):
             raise ValueError("a slot has the sha256 of an episode where it was accepted, and only there")
         for row in self.attempts:
             wrong = [name for name, value in row.items() if not _fits(name, value)]

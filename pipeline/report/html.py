@@ -114,8 +114,20 @@ class TaskSection:
 
 
 @dataclass(frozen=True)
+class TaskLink:
+    """The page of a task: where it is, and how many cells, attempts and accepted episodes it has."""
+
+    title: str
+    page: str
+    cells: int
+    attempts: int
+    accepted: int
+
+
+@dataclass(frozen=True)
 class Report:
-    """The whole page; `extras` stand before the tasks."""
+    """The whole page; `extras` stand before the tasks, `links` in place of tasks that have pages of their own. `key` names what the
+    page was made of."""
 
     name: str
     scope: str
@@ -125,6 +137,8 @@ class Report:
     moves: Sequence[Moves]
     extras: Sequence[Section]
     tasks: Sequence[TaskSection]
+    links: Sequence[TaskLink] = ()
+    key: str = ""
 
 
 def report_page(report: Report) -> str:

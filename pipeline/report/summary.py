@@ -1,17 +1,17 @@
-"""The report of a dataset: OUT/report/index.html, one file that opens anywhere without a network.
+"""The report of a dataset: OUT/report/index.html, a file that opens anywhere without a network; of many cells, a page a task.
 
 Summary tiles, speeds seen against alpha, and for every cell its outcomes and a few frames with the target's path drawn in.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pipeline.data.atomic import write_atomic
+from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.episode import EpisodeError, open_episode
 from pipeline.data.recipe import Cell as RecipeCell
 from pipeline.data.spec import EpisodeSpec
@@ -27,6 +27,7 @@ from pipeline.report.html import (
     Section,
     SpeedPlot,
     Strip,
+    TaskLink,
     TaskSection,
     report_page,
     speed_histogram,
@@ -35,9 +36,14 @@ from pipeline.report.speed_law import drawn_and_accepted, law
 
 COLUMNS = 6
 FILM_WIDTH = 256  # pixels; six of them fill a page
-MANY_CELLS = 40  # from here on one film a cell, to keep the page small
+MANY_CELLS = 40  # from here on a page a task, with one film a cell
+
+MOTION = ("alpha", "average_speed", "end_speed", "displacement")
+"""What speed_law.py reads of a motion."""
 
 type Cell = tuple[str, str, int, float, str]
+type Row = Mapping[str, Any]
+type Attempts = Mapping[Cell, Sequence[Row]]
 
 
 def failed_folder(dataset: Path, cell: str) -> Path:
@@ -47,8 +53,7 @@ def failed_folder(dataset: Path, cell: str) -> Path:
 
 @dataclass(frozen=True)
 class Observation:
-    """What one episode shows: its length in s, and the target's average and maximum speed in m/s before it was released
-    (before the end where it never was)."""
+    """One episode: its length in s, and the average and maximum speed of its target's motion in m/s."""
 
     path: Path
     spec: EpisodeSpec
@@ -58,7 +63,7 @@ class Observation:
 
 
 def observe(path: Path) -> Observation:
-    """Measure an episode file. Raises EpisodeError where it cannot be read."""
+    """Measure an episode file: speeds before the target was released. Raises EpisodeError where it cannot be read."""
     with open_episode(path) as e:
         episode = e.read()
         log = episode.log
@@ -73,41 +78,124 @@ def cell_of(row: Mapping[str, Any]) -> Cell:
     return row["task"], row["embodiment"], int(row["level"]), float(row["alpha"]), row["domain"]
 
 
-def write_report(
-    dataset: Path, episodes: Sequence[Path], attempts: Sequence[Mapping[str, Any]], extras: Sequence[Section] = ()
-) -> Path:
-    """Write the report of a dataset and return its path.
+@dataclass(frozen=True)
+class Material:
+    """What a report is made of: its episodes, and the attempts (columns of data.ledger.ATTEMPTS) of every cell that has some.
 
-    `attempts` has the columns task, embodiment, level, alpha, domain, slot, attempt, seed, outcome ("accepted" or "failed"),
-    stage, reason, sim_steps and seconds, and those of speed_law.py where a motion was drawn. `extras` are more parts, shown before
-    the cells. Raises EpisodeError, naming the file, for an episode that cannot be read.
+    `keys` names, by task, what its page is made of: a page of the same key is not drawn again. Tasks without a key always are.
     """
-    seen = [observe(path) for path in episodes]
+
+    seen: Sequence[Observation]
+    attempts: Mapping[Cell, Sequence[Mapping[str, Any]]]
+    keys: Mapping[str, str] = field(default_factory=dict)
+
+
+def write_report(dataset: Path, material: Material, extras: Sequence[Section] = ()) -> Path:
+    """Write the report of a dataset and return its path; `extras` are more parts, shown before the cells.
+
+    From MANY_CELLS cells on, index.html only sums up, and every task has a page of its own, tasks/TASK.html, so that no page grows
+    with the dataset.
+    """
     by_cell: dict[Cell, list[Observation]] = defaultdict(list)
-    for o in seen:
+    for o in material.seen:
         by_cell[cell_of(vars(o.spec))].append(o)
-    tried: dict[Cell, list[Mapping[str, Any]]] = defaultdict(list)
-    for row in attempts:
-        tried[cell_of(row)].append(row)
+    tried = material.attempts
     cells = sorted({*by_cell, *tried})
-    films = 2 if len(cells) < MANY_CELLS else 1
-    tasks: dict[str, list[CellCard]] = defaultdict(list)
-    for cell in cells:
-        card = _cell_card(cell, tried[cell], by_cell[cell][:films])
-        tasks[cell[0].replace("_", " ")].append(replace(card, failed=_failed(dataset, cell, films)))
-    report = Report(
-        name=dataset.resolve().name,
-        scope=_scope(cells),
-        tiles=_summary(seen, attempts),
-        outcomes=_outcomes(attempts),
-        speeds=_speeds(seen),
-        moves=_moves(attempts),
-        extras=extras,
-        tasks=[TaskSection(title, cards) for title, cards in tasks.items()],
-    )
+    paged = len(cells) >= MANY_CELLS
+    tasks = list(dict.fromkeys(cell[0] for cell in cells))
+    folder = dataset / "report" / "tasks"
+    remove(folder) if not paged else _remove_others(folder, tasks)
+    sections, links = list[TaskSection](), list[TaskLink]()
+    for task in tasks:
+        own = [cell for cell in cells if cell[0] == task]
+        title = task.replace("_", " ")
+        if not paged:
+            sections.append(TaskSection(title, _cards(dataset, own, by_cell, tried, 2)))
+            continue
+        page = folder / f"{task}.html"
+        counts = sum((Counter(row["outcome"] for row in tried.get(cell, ())) for cell in own), Counter[str]())
+        links.append(TaskLink(title, f"tasks/{page.name}", len(own), counts.total(), counts["accepted"]))
+        key = material.keys.get(task, "")
+        if not key or not _is_of(page, key):
+            report = _summed_up(f"{dataset.resolve().name}: {title}", own, by_cell, tried)
+            _write(page, replace(report, tasks=[TaskSection(title, _cards(dataset, own, by_cell, tried, 1))], key=key))
     page = dataset / "report" / "index.html"
-    write_atomic(page, report_page(report).encode(errors="replace"))  # a file name may hold bytes that are no UTF-8
+    report = _summed_up(dataset.resolve().name, cells, by_cell, tried)
+    _write(page, replace(report, extras=extras, tasks=sections, links=links))
     return page
+
+
+def _write(page: Path, report: Report) -> None:
+    write_atomic(page, report_page(report).encode(errors="replace"))  # a file name may hold bytes that are no UTF-8
+
+
+def _is_of(page: Path, key: str) -> bool:
+    """Whether a page was made of what the key names."""
+    try:
+        with page.open("rb") as file:
+            return f"<!-- key: {key} -->".encode() in file.read(1000)
+    except OSError:
+        return False
+
+
+def _remove_others(folder: Path, tasks: Sequence[str]) -> None:
+    """Remove the pages of tasks that the dataset does not have."""
+    for path in folder.glob("*.html"):
+        if path.stem not in tasks:
+            path.unlink()
+
+
+def _cards(
+    dataset: Path, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts, films: int
+) -> list[CellCard]:
+    found = []
+    for cell in cells:
+        card = _cell_card(cell, tried.get(cell, ()), by_cell.get(cell, [])[:films])
+        found.append(replace(card, failed=_failed(dataset, cell, films)))
+    return found
+
+
+def _summed_up(name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts) -> Report:
+    """The report of some cells without their cards. Attempts are read cell by cell: there may be too many to hold at once."""
+    seen = [o for cell in cells for o in by_cell.get(cell, ())]
+    total = Totals()
+    for cell in cells:
+        total.add(tried.get(cell, ()))
+    return Report(
+        name=name,
+        scope=_scope(cells),
+        tiles=_summary(seen, total),
+        outcomes=_bars(total.won, total.lost),
+        speeds=_speeds(seen),
+        moves=_moves(total),
+        extras=(),
+        tasks=(),
+    )
+
+
+@dataclass
+class Totals:
+    """Sums over attempts: how many, accepted, failed by reason, physics steps, seconds; of the motions, by level and alpha, what
+    speed_law.py needs, as drawn and as accepted."""
+
+    count: int = 0
+    won: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    lost: Counter[str] = field(default_factory=Counter)
+    moves: dict[tuple[int, float], tuple[list[Row], list[Row]]] = field(default_factory=lambda: defaultdict(lambda: ([], [])))
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Count the attempts of one cell."""
+        self.count += len(rows)
+        self.won += sum(r["outcome"] == "accepted" for r in rows)
+        self.steps += sum(int(r["sim_steps"] or 0) for r in rows)
+        self.seconds += sum(float(r["seconds"] or 0.0) for r in rows)
+        self.lost.update(f"{r['stage']}: {r['reason']}".replace("_", " ") for r in rows if r["outcome"] != "accepted")
+        if rows:
+            into = self.moves[int(rows[0]["level"]), float(rows[0]["alpha"])]
+            for members, motions in zip(into, drawn_and_accepted(rows), strict=True):
+                members += [{name: r[name] for name in MOTION} for r in motions]
 
 
 def _scope(cells: Sequence[Cell]) -> str:
@@ -117,16 +205,15 @@ def _scope(cells: Sequence[Cell]) -> str:
     return ", ".join(words) + f": {len(cells)} cell{'' if len(cells) == 1 else 's'}"
 
 
-def _summary(seen: Sequence[Observation], rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    won = sum(r["outcome"] == "accepted" for r in rows)
+def _summary(seen: Sequence[Observation], total: Totals) -> dict[str, str]:
     hours = sum(o.seconds for o in seen) / 3600
-    spent = sum(float(r["seconds"]) for r in rows)
+    spent = total.seconds
     values = {
         "episodes": f"{len(seen):,}",
-        "attempts": f"{len(rows):,}",
-        "attempts accepted": f"{100 * won / len(rows):.1f} %" if rows else "none",
+        "attempts": f"{total.count:,}",
+        "attempts accepted": f"{100 * total.won / total.count:.1f} %" if total.count else "none",
         "of data": f"{hours:.2f} h" if hours >= 0.1 else f"{hours * 60:.1f} min",
-        "physics steps": f"{sum(int(r['sim_steps']) for r in rows):,}",
+        "physics steps": f"{total.steps:,}",
         "spent on attempts": f"{spent / 3600:.2f} h" if spent >= 3600 else f"{spent:.1f} s",
     }
     if seen and spent:
@@ -134,11 +221,9 @@ def _summary(seen: Sequence[Observation], rows: Sequence[Mapping[str, Any]]) -> 
     return values
 
 
-def _outcomes(rows: Sequence[Mapping[str, Any]]) -> list[Bar]:
-    if not rows:
+def _bars(won: int, lost: Counter[str]) -> list[Bar]:
+    if not won and not lost:
         return []
-    won = sum(r["outcome"] == "accepted" for r in rows)
-    lost = Counter(f"{r['stage']}: {r['reason']}".replace("_", " ") for r in rows if r["outcome"] != "accepted")
     return [Bar("accepted", won, True), *(Bar(label, n, False) for label, n in sorted(lost.items(), key=lambda x: (-x[1], x[0])))]
 
 
@@ -155,17 +240,12 @@ def _speeds(seen: Sequence[Observation]) -> list[SpeedPlot]:
     return plots
 
 
-def _moves(rows: Sequence[Mapping[str, Any]]) -> list[Moves]:
-    groups: dict[tuple[int, float], list[Mapping[str, Any]]] = defaultdict(list)
-    for row in rows:
-        groups[int(row["level"]), float(row["alpha"])].append(row)
-    found = [_moved(f"level {level}, alpha {alpha:g}", members) for (level, alpha), members in sorted(groups.items())]
-    return [moves for moves in found if moves.drawn]
-
-
-def _moved(title: str, rows: Sequence[Mapping[str, Any]]) -> Moves:
-    drawn, accepted = drawn_and_accepted(rows)
-    return Moves(title, law(drawn), law(accepted))
+def _moves(total: Totals) -> list[Moves]:
+    return [
+        Moves(f"level {level}, alpha {alpha:g}", law(drawn), law(accepted))
+        for (level, alpha), (drawn, accepted) in sorted(total.moves.items())
+        if drawn
+    ]
 
 
 def _failed(dataset: Path, cell: Cell, most: int) -> list[Strip]:
@@ -178,17 +258,20 @@ def _failed(dataset: Path, cell: Cell, most: int) -> list[Strip]:
     return strips
 
 
-def _cell_card(cell: Cell, rows: Sequence[Mapping[str, Any]], shown: Sequence[Observation]) -> CellCard:
+def _cell_card(cell: Cell, rows: Sequence[Row], shown: Sequence[Observation]) -> CellCard:
     task, embodiment, level, alpha, domain = cell
     strips, unseen = [], []
     for o in shown:
         try:
             shots = film(o.path, COLUMNS, FILM_WIDTH).shots
-        except EpisodeError as error:  # an episode without a head camera still counts
+        except (EpisodeError, KeyError, OSError, ValueError) as error:  # without a head camera, or damaged, it still counts
             unseen.append(str(error))
             continue
         figures = [Figure(encode(s.rgb, quality=80), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
         strips.append(Strip(figures, COLUMNS))
     words = subtitle(EpisodeSpec(task, embodiment, level, alpha, domain, 0, 0)).replace("  |  ", " · ")
     moving = clip(shown[0].path) if strips else b""
-    return CellCard(words, _outcomes(rows), _moved(words, rows), strips, unseen, moving)
+    total = Totals()
+    total.add(rows)
+    drawn, accepted = drawn_and_accepted(rows)
+    return CellCard(words, _bars(total.won, total.lost), Moves(words, law(drawn), law(accepted)), strips, unseen, moving)

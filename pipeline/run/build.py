@@ -4,7 +4,7 @@ import json
 import platform
 import time
 from collections import Counter, deque
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,6 +13,9 @@ from typing import Any
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.episode import EpisodeError
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import compiled, warm_up
 from pipeline.report.page import refresh
@@ -20,13 +23,14 @@ from pipeline.run import running
 from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine import run
-from pipeline.run.floor import Probation, Rows, stops_in
+from pipeline.run.floor import Probation, stops_in
 from pipeline.run.keys import code_version
+from pipeline.run.make import read_facts
 from pipeline.run.mend import from_scenes, mend_assets
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Kind, Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
-from pipeline.run.state import DONE, PHYSICS, read_states
+from pipeline.run.state import DONE, IMAGES, PHYSICS, REDO, SENTENCES, SlotState, read_states
 from pipeline.run.strikes import Strikes
 from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
 from pipeline.world.vulkan import ensure_renderer
@@ -59,8 +63,8 @@ def build(
 ) -> BuildResult:
     """Build or go on building the dataset; vendor meshes that its recipe names are taken from `assets` the first time.
 
-    Every file that is there is read: an episode whose bytes are not the ledger's is made again, an asset that is missing or damaged
-    put back.
+    Every file that was written since it was last read is read: an episode whose bytes are not the ledger's is made again, an asset
+    that is missing or damaged put back.
 
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that takes two workers with it is
     recorded as failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
@@ -75,44 +79,68 @@ def build(
     copy_meshes(meshes, dataset.assets)
     slots = list(recipe.physical_slots())
     sweep(root)
-    known = {slot: state.todo for slot, state in read_states(dataset, recipe, slots)}
-    whole = [slot for slot, part in known.items() if part == DONE and dataset.episode(slot).exists()]
-    known |= dict.fromkeys(mend_assets(dataset, whole, from_scenes(dataset, recipe)), PHYSICS)
-    todo = [slot for slot, part in known.items() if part != DONE]
-    parts = [known[slot] for slot in todo]
+    dataset.ledger.compact()
+    known = dict(read_states(dataset, recipe, slots))
+    whole = {slot for slot, state in known.items() if state.todo == DONE and state.accepted}
+    lacking = mend_assets(dataset, recipe, whole, from_scenes(dataset, recipe))
+    known |= dict.fromkeys(lacking, SlotState(PHYSICS, (REDO,), True))
+    todo = [slot for slot, state in known.items() if state.todo != DONE]
+    parts = Counter(known[slot].todo for slot in todo)
+    jobs = _jobs(dataset, recipe, known, todo)
     running.clear_all(dataset, todo)
     progress = Progress(len(slots), len(slots) - len(todo), shown)
-    jobs = deque(SlotJob(str(dataset.root.resolve()), recipe, slot, code_version()) for slot in todo)
+    ledger = LedgerWriter(dataset.ledger)
     try:
+        restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
+        del known
         _announce(progress, dataset, recipe, todo, pool)
-        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs)))
+        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs), ledger))
+        ledger.close()
         if recipe.variants > 1:
             progress.close()
             others = (slot for slot in recipe.slots() if slot.variant)
-            problems = draw_all(work_of(dataset, dataset, recipe, others), pool, timeout, shown != "bar")
+            problems = draw_all(work_of(dataset, dataset, recipe, others), ledger, pool, timeout, shown != "bar")
             if problems:
                 raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
     finally:
         progress.close()
+        ledger.close()
         running.clear_all(dataset, todo)
         # a worker that was killed may have been writing an asset
         sweep(dataset.assets)
-        dataset.write_attempts(recipe)
+        attempts = dataset.write_attempts(recipe)
         write_atomic(dataset.provenance, json.dumps(provenance(device, recipe), indent=2, sort_keys=True).encode())
-    records = [record for _, record in dataset.records(recipe)]
+    accepted = dataset.present(dataset.entries(recipe, ())).accepted
     refresh(dataset, annotation_sheet)
-    rows = [row for record in records for row in record.attempts]
+    reasons = attempts["reason"].value_counts().to_pylist()
     return BuildResult(
         slots=len(slots) * recipe.variants,
-        accepted=sum(r.accepted for r in records),
-        given_up=sum(not r.accepted for r in records),
+        accepted=sum(accepted),
+        given_up=len(accepted) - sum(accepted),
         made=len(todo),
-        parts=dict(Counter(parts)),
-        attempts=len(rows),
-        reasons=dict(Counter(row["reason"] for row in rows if row["reason"])),
+        parts=dict(parts),
+        attempts=len(attempts),
+        reasons={each["values"]: each["counts"] for each in reasons if each["values"]},
         workers_lost=lost,
         stopped=[stop.said() for stop in stops_in(dataset, recipe)],
     )
+
+
+def _jobs(dataset: Dataset, recipe: Recipe, known: dict[Slot, SlotState], todo: list[Slot]) -> deque[SlotJob]:
+    """What the workers are sent, in order."""
+    # a failed attempt that is kept is only made with its slot
+    renewed = {slot for slot in todo if known[slot].todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"}
+    entries = {slot: record for slot, record in dataset.records(recipe) if slot in renewed} if renewed else {}
+    root, code = str(dataset.root.resolve()), code_version()
+    return deque(SlotJob(root, recipe, slot, code, entries.get(slot)) for slot in todo)
+
+
+def restamp(dataset: Dataset, recipe: Recipe, ledger: LedgerWriter, slots: set[Slot]) -> None:
+    """Write down what is known of episode files that were read and found whole, so that they need not be read again."""
+    for slot, record in dataset.records(recipe) if slots else ():
+        if slot in slots:
+            with suppress(EpisodeError):
+                ledger.add(slot, replace(record, file=read_facts(dataset, slot)))
 
 
 def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[Slot], pool: Pool) -> None:
@@ -134,16 +162,18 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
 
 @dataclass(frozen=True)
 class Told:
-    """Whom the ends of slots are told: who shows them, and who judges cells by them."""
+    """Whom the ends of slots are told: who shows them, who judges cells by them, and who writes their entries."""
 
     progress: Progress
     probation: Probation
+    ledger: LedgerWriter
 
-    def done(self, slot: Slot, attempts: Rows) -> list[SlotJob]:
+    def done(self, slot: Slot, record: SlotRecord) -> list[SlotJob]:
         """A slot ended; the jobs that may start now."""
-        self.progress.add(attempts)
+        self.ledger.add(slot, record)
+        self.progress.add(record.attempts)
         known = len(self.probation.stops)
-        ready = self.probation.done(slot, attempts)
+        ready = self.probation.done(slot, record.attempts)
         self.say_stopped(known)
         return ready
 
@@ -155,7 +185,7 @@ class Told:
 
 
 def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, told: Told) -> int:
-    """Have all jobs done; the number of workers lost on the way."""
+    """Have all jobs done and their entries written; the number of workers lost on the way."""
     limit = Limit[SlotJob](lambda _: timeout, lambda job: running.noted(dataset, job.slot))
     strikes, lost = Strikes(pool.workers), 0
     told.say_stopped()
@@ -164,7 +194,7 @@ def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, to
             match end:
                 case Done(job, record):
                     strikes.done()
-                    jobs.extend(told.done(job.slot, record.attempts))
+                    jobs.extend(told.done(job.slot, record))
                 case Died(job, reason):
                     lost += 1
                     told.progress.lost()

@@ -1,6 +1,7 @@
 """What an episode costs in seconds and bytes: as a dataset's own record says, as measured here, or as benchmarks say."""
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -8,7 +9,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger import SlotRecord
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import warm_up
 from pipeline.run import sizes
@@ -61,11 +61,30 @@ class Cost:
 
 def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
     """What the finished episodes of a dataset took; figures of the benchmarks where there is none."""
-    records = dict(dataset.records(recipe)) if dataset is not None and dataset.manifest.exists() else {}
-    accepted = {slot: record for slot, record in records.items() if record.accepted}
-    if dataset is None or not accepted:
+    if dataset is None or not dataset.manifest.exists():
         return Cost(SECONDS_PER_EPISODE, BYTES_PER_EPISODE, "benchmarks")
-    return _mean(dataset, accepted.items(), "this dataset")
+    found = dataset.present(dataset.entries(recipe, ("attempts", "phases", "size")))
+    accepted = found.kept(found.accepted)
+    table = accepted.table
+    if not len(table):
+        return Cost(SECONDS_PER_EPISODE, BYTES_PER_EPISODE, "benchmarks")
+    tried = table["attempts"].combine_chunks()
+    spent = np.bincount(tried.value_parent_indices(), tried.flatten().field("seconds").fill_null(0.0), len(table))
+    phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
+    few = [accepted.slots[int(i)] for i in np.unique(np.linspace(0, len(table) - 1, LOOKED_AT).round())]
+    known = [size for size in table["size"].to_pylist() if size]
+    return Cost(
+        float(np.mean([float(each) or clock for each, (clock, _) in zip(spent, phases, strict=True)])),
+        float(np.mean(known)) if known else BYTES_PER_EPISODE,
+        "this dataset",
+        _mean_core([core for _, core in phases]),
+        sizes.mean_parts(dataset.episode(slot) for slot in few),
+    )
+
+
+def _mean_core(cores: Sequence[float]) -> float | None:
+    """Mean processor time, where it is known of all."""
+    return float(np.mean(cores)) if all(cores) else None
 
 
 def measure(recipe: Recipe, assets: Path | None = None) -> Cost:
@@ -84,30 +103,20 @@ def measure(recipe: Recipe, assets: Path | None = None) -> Cost:
         dataset.create(recipe)
         copy_meshes(find_meshes(recipe.robot_meshes, [assets] if assets else []), dataset.assets)
         made = [(slot, fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version()))) for slot in slots]
-        accepted = [(slot, record) for slot, record in made[1:] if record.accepted]
+        accepted = {slot: record for slot, record in made[1:] if record.accepted}
         if not accepted:
             return Cost(SECONDS_PER_EPISODE, BYTES_PER_EPISODE, "benchmarks: no measured attempt was accepted")
-        return _mean(dataset, accepted, f"{len(accepted)} episodes measured now")
+        return Cost(
+            float(np.mean([sum(row["seconds"] for row in record.attempts) for record in accepted.values()])),
+            float(np.mean([record.file.size for record in accepted.values()])),
+            f"{len(accepted)} episodes measured now",
+            _mean_core([_by_phase(record.phases)[1] for record in accepted.values()]),
+            sizes.mean_parts(dataset.episode(slot) for slot in accepted),
+        )
 
 
-def _mean(dataset: Dataset, accepted: Iterable[tuple[Slot, SlotRecord]], source: str) -> Cost:
-    pairs = list(accepted)
-    seconds = [_seconds(record) for _, record in pairs]
-    bytes_each = [dataset.episode(slot).stat().st_size for slot, _ in pairs]
-    cores = [_core_seconds(record) for _, record in pairs]
-    known = [value for value in cores if value]
-    few = [pairs[int(i)][0] for i in np.unique(np.linspace(0, len(pairs) - 1, LOOKED_AT).round())]
-    parts = sizes.mean_parts(dataset.episode(slot) for slot in few)
-    core_seconds = float(np.mean(known)) if len(known) == len(pairs) else None
-    return Cost(float(np.mean(seconds)), float(np.mean(bytes_each)), source, core_seconds, parts)
-
-
-def _core_seconds(record: SlotRecord) -> float:
-    """Processor time of an episode by its phases."""
-    return sum(seconds for name, seconds in record.phases.items() if name.endswith(".cpu"))
-
-
-def _seconds(record: SlotRecord) -> float:
-    """What an episode took: all its attempts, or only the drawing where it shows the physics of another."""
-    drawing = sum(seconds for name, seconds in record.phases.items() if not name.endswith(".cpu"))
-    return sum(row["seconds"] for row in record.attempts) or drawing
+def _by_phase(phases: Mapping[str, float]) -> tuple[float, float]:
+    """Seconds by the clock and of the processor that an episode took, as its phases say; those of the drawing alone where it shows
+    the physics of another."""
+    core = sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
+    return sum(phases.values()) - core, core

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
 from pipeline.run.keys import code_version, redrawn_keys
@@ -33,22 +34,22 @@ def work_of(source: Dataset, out: Dataset, recipe: Recipe, slots: Iterable[Slot]
     held, jobs, done, missing = source.recipe(), [], 0, 0
     if source.root == out.root:
         held = held.model_copy(update={"variants": 1})
+    records, drawn = dict(source.records(held)), dict(out.records(recipe))
+    here, there, code = str(source.root.resolve()), str(out.root.resolve()), code_version()
     for slot in slots:
         origin, same_look = origin_of(held, recipe, slot)
-        record = source.record(origin)
+        record = records.get(origin)
         if record is None or (record.accepted and not source.episode(origin).exists()):
             missing += 1
-        elif is_drawn(out, slot, record, redrawn_keys(recipe, slot, record.keys)):
+        elif is_drawn(out, slot, drawn.get(slot), record, redrawn_keys(recipe, slot, record.keys)):
             done += 1
         else:
-            jobs.append(
-                DrawJob(str(source.root.resolve()), str(out.root.resolve()), recipe, slot, origin, same_look, code_version())
-            )
+            jobs.append(DrawJob(here, there, recipe, slot, origin, record, same_look, code))
     return DrawWork(jobs, done, missing)
 
 
-def draw_all(work: DrawWork, pool: Pool, timeout: float, quiet: bool = False) -> list[str]:
-    """Do all of it under one progress bar; what could not be drawn, one line each, sorted.
+def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool = False) -> list[str]:
+    """Do all of it under one progress bar and write the entries; what could not be drawn, one line each, sorted.
 
     A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
     problem of its own. Raises EngineError where workers cannot be started or do not last.
@@ -60,8 +61,10 @@ def draw_all(work: DrawWork, pool: Pool, timeout: float, quiet: bool = False) ->
     with bar, closing(run(drawer, jobs, pool, limit)) as ends:
         for end in ends:
             match end:
-                case Done(_, drawn):
+                case Done(job, drawn):
                     strikes.done()
+                    if drawn.record is not None:
+                        ledger.add(job.slot, drawn.record)
                     problems += [drawn.problem] if drawn.problem else []
                 case Died(job, reason) if strikes.out(job.slot):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")

@@ -52,12 +52,21 @@ def judge(cell: Cell, wanted: int, floor: Floor, first: Sequence[Rows]) -> Stop 
 
 def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
     """The stopped cells of a dataset, by its ledger."""
+    tried = _tried(dataset, recipe)
     for cell, wanted in recipe.counts().items() if recipe.floor else ():
         if recipe.floor and wanted > recipe.floor.slots:
-            records = [dataset.record(Slot(cell, index)) for index in range(recipe.floor.slots)]
-            rows = [record.attempts for record in records if record is not None]
-            if len(rows) == len(records) and (stop := judge(cell, wanted, recipe.floor, rows)):
+            rows = [tried[slot] for index in range(recipe.floor.slots) if (slot := Slot(cell, index)) in tried]
+            if len(rows) == recipe.floor.slots and (stop := judge(cell, wanted, recipe.floor, rows)):
                 yield stop
+
+
+def _tried(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
+    """The attempts at the first slots of every cell, by the ledger."""
+    if recipe.floor is None:
+        return {}
+    entries = dataset.entries(recipe, ("attempts",))
+    first = entries.kept([not slot.variant and slot.index < recipe.floor.slots for slot in entries.slots])
+    return dict(zip(first.slots, first.table["attempts"].to_pylist(), strict=True))
 
 
 class Probation:
@@ -78,11 +87,11 @@ class Probation:
                 self._held.setdefault(job.slot.cell, []).append(job)
         jobs.clear()
         jobs.extend(ready)
+        tried = _tried(dataset, recipe)
         for cell in self._held:
             first = self._first[cell] = {}
             for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):
-                record = None if slot in pending else dataset.record(slot)
-                first[slot.index] = record.attempts if record else None
+                first[slot.index] = None if slot in pending else tried.get(slot)
         for cell in list(self._held):
             jobs.extend(self._judged(cell))
 

@@ -16,15 +16,15 @@ from pipeline.data.episode import Episode, EpisodeFile
 from pipeline.data.episode_writer import write_episode
 from pipeline.data.jpeg import encode_frames
 from pipeline.data.keys import SlotKeys, file_hash
-from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.meta import Drawing, EpisodeMeta, ObjectInfo
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.stamps import file_stamp, stamp_of
 from pipeline.data.state_log import StateLog
 from pipeline.data.visuals import Visuals
 from pipeline.motion.interception import Interception
 from pipeline.motion.interception_group import TRACKS, physics_arrays
-from pipeline.run.state import IMAGES, SlotState
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.render import Appearance, Sensors, appearance_of, capture, keep, visuals_of
 from pipeline.stages.scene import Scene, build_scene
@@ -173,21 +173,34 @@ def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
         return file_hash(path)
 
 
-def renew(dataset: Dataset, recipe: Recipe, slot: Slot, state: SlotState, keys: SlotKeys) -> SlotRecord:
+def facts(dataset: Dataset, path: Path, frames: int, drawing: Drawing) -> FileFacts:
+    """What is known of an episode file that was just written or read."""
+    store, status = AssetStore(dataset.bodies), path.stat()
+    assets = {key: file_stamp(store.path(key)) for key in drawing.assets.values()}
+    return FileFacts(status.st_size, stamp_of(status), frames, assets)
+
+
+def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
+    """What is known of a slot's episode file. Raises EpisodeError for one that cannot be read."""
+    path = dataset.episode(slot)
+    with EpisodeFile(path) as file:
+        return facts(dataset, path, len(file), file.meta.drawing)
+
+
+def renew(dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys) -> SlotRecord:
     """Make the images or the sentences of a stored episode again, without physics: the record of the file that replaces it.
 
     The file has the bytes that a build from nothing would give it. Raises EpisodeError for a file that cannot be read.
     """
-    assert state.record is not None
     phases = Phases()
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
     scene = build_scene(old.spec, recipe.ruling())
-    if state.todo == IMAGES:
+    if old_entry.keys.render != keys.render:
         images = draw(dataset, scene, old.log, recipe, phases)
     meta = old.meta.model_copy(
         update={"drawing": images.drawing, "physics_key": keys.physics.digest, "render_key": keys.render.digest}
     )
     episode = replace(old, instructions=sentences(scene, recipe.instructions), meta=meta)
     sha = write(dataset.episode(slot), episode, images, phases)
-    return replace(state.record, keys=keys, sha256=sha)
+    return replace(old_entry, keys=keys, sha256=sha, file=read_facts(dataset, slot))

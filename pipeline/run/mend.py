@@ -1,33 +1,45 @@
 """Assets of a dataset that are missing or damaged, put back before work begins: nothing is drawn and no physics is run for them."""
 
-from collections.abc import Callable, Iterable
+import os
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow.compute import call_function
 
 from pipeline.data.assets import AssetError, AssetStore
+from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.stamps import stamp_of
 from pipeline.run.make import wanted_appearance
 from pipeline.stages.render import keep
 from pipeline.stages.scene import build_scene
+
+_DIGITS = 32
 
 type Restore = Callable[[Slot, set[str]], None]
 """Puts assets (by hash) that an episode names into the store again, as far as it can."""
 
 
-def mend_assets(dataset: Dataset, slots: Iterable[Slot], restore: Restore) -> set[Slot]:
+def mend_assets(dataset: Dataset, recipe: Recipe, slots: Collection[Slot], restore: Restore) -> set[Slot]:
     """Remove damaged assets and restore those that the episodes of `slots` name and the store lacks.
 
-    Returns the slots of which an asset is still missing: what they were drawn from is not known any more. Raises OSError where the
-    disk refuses.
+    Only assets are read that no ledger entry has seen with the stamp that they have now, and only episodes opened whose entry, of
+    an older version, does not name its assets. Returns the slots of which an asset is still missing: what they were drawn from is
+    not known any more. Raises OSError where the disk refuses.
     """
-    store = AssetStore(dataset.bodies)
-    store.sweep()
-    there = {path.stem for path in dataset.bodies.glob("*/*.npz")}
+    store, entries = AssetStore(dataset.bodies), dataset.entries(recipe, ("assets", "asset_stamps"))
+    named, stamps = entries.table["assets"], entries.table["asset_stamps"]
+    there = _whole(store, _pairs(named, stamps))
+    absent = set(named.combine_chunks().flatten().unique().to_pylist()) - there
     lacking: dict[Slot, set[str]] = {}
-    for slot in slots:
+    for number, slot in enumerate(entries.slots) if absent or 0 in _lengths(named) else ():
+        if slot not in slots:
+            continue
         try:
-            with EpisodeFile(dataset.episode(slot)) as file:
-                missing = set(file.meta.drawing.assets.values()) - there
+            missing = set(named[number].as_py() or _named(dataset, slot)) - there
         except EpisodeError:
             continue  # of another version of the schema: made again because of its keys
         if missing:
@@ -35,6 +47,49 @@ def mend_assets(dataset: Dataset, slots: Iterable[Slot], restore: Restore) -> se
             there |= {key for key in missing if store.path(key).exists()}
             lacking[slot] = missing
     return {slot for slot, missing in lacking.items() if missing - there}
+
+
+def _pairs(named: pa.ChunkedArray, stamps: pa.ChunkedArray) -> set[tuple[str, str]]:
+    """Assets with the stamps that entries saw."""
+    flat = pa.table({"key": named.combine_chunks().flatten(), "stamp": stamps.combine_chunks().flatten()})
+    pairs = flat.group_by(["key", "stamp"]).aggregate([])
+    return set(zip(pairs["key"].to_pylist(), pairs["stamp"].to_pylist(), strict=True))
+
+
+def _lengths(named: pa.ChunkedArray) -> set[int]:
+    return set(call_function("list_value_length", [named]).to_pylist())
+
+
+def _named(dataset: Dataset, slot: Slot) -> set[str]:
+    with EpisodeFile(dataset.episode(slot)) as file:
+        return set(file.meta.drawing.assets.values())
+
+
+def _whole(store: AssetStore, seen: Collection[tuple[str, str]]) -> set[str]:
+    """The assets that are there; those without a stamp that was seen are read, and removed where they are damaged."""
+    there = set[str]()
+    for folder in _folders(store.root):
+        with os.scandir(folder) as found:
+            for each in found:
+                key, _, suffix = each.name.rpartition(".")
+                if suffix != "npz" or len(key) != _DIGITS or not key.startswith(os.path.basename(folder)):
+                    continue
+                if (key, stamp_of(each.stat())) not in seen:
+                    try:
+                        store.get(key)
+                    except AssetError:
+                        remove(Path(each.path))
+                        continue
+                there.add(key)
+    return there
+
+
+def _folders(root: Path) -> list[str]:
+    try:
+        with os.scandir(root) as found:
+            return sorted(each.path for each in found if len(each.name) == 2 and each.is_dir())
+    except FileNotFoundError:
+        return []
 
 
 def from_scenes(dataset: Dataset, recipe: Recipe) -> Restore:

@@ -5,17 +5,17 @@ from functools import lru_cache
 from pathlib import Path
 
 from pipeline.data.assets import AssetStore
-from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import CHANGED, Dataset, DatasetError
 from pipeline.data.episode import Episode, EpisodeError, EpisodeFile
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.meta import CameraInfo, Drawing
 from pipeline.data.physics_id import physics_id
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.stamps import file_stamp
 from pipeline.run.keys import code_version, redrawn_keys
-from pipeline.run.make import Look, as_wanted, images_of, write
+from pipeline.run.make import Look, as_wanted, images_of, read_facts, write
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import stored_appearance, visuals_of
 from pipeline.world.appearance import load_parts
@@ -28,20 +28,21 @@ KEPT_PARTS = 256
 @dataclass(frozen=True)
 class DrawJob:
     """What a worker is sent: the dataset to draw from and the one to draw into, the latter's recipe and which of its slots, the
-    slot that this is drawn from, whether that has the wanted look already, and the driver's code version."""
+    slot that this is drawn from with its ledger entry, whether that has the wanted look already, and the driver's code version."""
 
     source: str
     out: str
     recipe: Recipe
     slot: Slot
     origin: Slot
+    record: SlotRecord
     same_look: bool
     code: str
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The ledger entry that was written, or in one line why nothing was."""
+    """The ledger entry of what was drawn, for the driver to write, or in one line why nothing was."""
 
     record: SlotRecord | None
     problem: str = ""
@@ -58,16 +59,19 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
     return slot.physical, False
 
 
-def is_drawn(out: Dataset, slot: Slot, source: SlotRecord, keys: SlotKeys) -> bool:
-    """Whether a slot is drawn from just that source with these keys."""
-    record = out.record(slot)
+def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRecord, keys: SlotKeys) -> bool:
+    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. Its file is read where it was written
+    since it was drawn."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
-    return not record.accepted or (record.source == source.sha256 and out.intact(slot, record))
+    if not record.accepted or record.source != source.sha256:
+        return not record.accepted
+    same = record.file.stamp != "" and record.file.stamp == file_stamp(out.episode(slot))
+    return same or out.intact(slot, record)
 
 
 def draw_slot(job: DrawJob) -> Drawn:
-    """Draw one slot and write its episode and its ledger entry; a slot that was given up in the source is given up here, too.
+    """Draw one slot and write its episode; a slot that was given up in the source is given up here, too.
 
     A source that cannot be drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
     driver's, OSError where the disk refuses.
@@ -75,25 +79,21 @@ def draw_slot(job: DrawJob) -> Drawn:
     if job.code != code_version():
         raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
-    record = source.record(job.origin)
-    if record is None:
-        return Drawn(None, f"{source.ledger(job.origin)}: is missing or damaged")
+    record = job.record
     keys = redrawn_keys(job.recipe, job.slot, record.keys)
-    sha = ""
+    sha, known = "", FileFacts()
     if record.accepted:
         try:
-            sha = _draw(source, out, job, record, keys, phases)
+            sha, known = _draw(source, out, job, record, keys, phases)
         except DominoError as error:
             return Drawn(None, str(error))
     # failed attempts stay with the dataset that made them
     attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
-    made = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), source=record.sha256)
-    write_atomic(out.ledger(job.slot), made.to_json())
-    return Drawn(made)
+    return Drawn(SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known))
 
 
-def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> str:
-    """Write the episode; its sha256."""
+def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> tuple[str, FileFacts]:
+    """Write the episode; its sha256, and what is known of it."""
     path, store = source.episode(job.origin), AssetStore(source.bodies)
     with phases("read"):
         if not source.intact(job.origin, record):
@@ -112,7 +112,8 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     with phases("write"):
         for key in dict.fromkeys(drawing.assets.values()):
             AssetStore(out.bodies).copy(key, store)
-    return write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    sha = write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    return sha, read_facts(out, job.slot)
 
 
 def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> Episode:

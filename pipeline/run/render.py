@@ -9,6 +9,7 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, EpisodeFile
+from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.reading import parse_json, read_regular
 from pipeline.data.recipe import Recipe, parse_recipe
 from pipeline.report.page import refresh
@@ -62,18 +63,21 @@ def render(
     out.create(recipe)
     copy_meshes(meshes, out.assets)
     sweep(out.root)
+    out.ledger.compact()
     work = work_of(source, out, recipe, recipe.slots())
-    drawn = {job.slot for job in work.jobs}
-    mend_assets(out, [s for s, r in out.records(recipe) if r.accepted and s not in drawn], from_source(out, source))
+    kept = {slot for slot, record in out.records(recipe) if record.accepted} - {job.slot for job in work.jobs}
+    mend_assets(out, recipe, kept, from_source(out, source))
+    ledger = LedgerWriter(out.ledger)
     try:
-        problems = draw_all(work, pool, ATTEMPT_SECONDS, quiet)
+        problems = draw_all(work, ledger, pool, ATTEMPT_SECONDS, quiet)
     finally:
+        ledger.close()
         out.write_attempts(recipe)
         made_by = _provenance(source)
         values = provenance(device, recipe) | {"drawn_from": made_by}
         write_atomic(out.provenance, json.dumps(values, indent=2, sort_keys=True).encode())
     refresh(out, annotation_sheet)
-    accepted = [record.accepted for _, record in out.records(recipe)]
+    accepted = out.present(out.entries(recipe, ())).accepted
     return RenderResult(
         slots=work.done + work.open + len(work.jobs),
         accepted=sum(accepted),

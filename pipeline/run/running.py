@@ -1,5 +1,6 @@
 """Which attempt at a slot runs: a note in a file of its own, which outlives the process that wrote it."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset
@@ -30,18 +31,32 @@ def noted(dataset: Dataset, slot: Slot) -> tuple[int, float] | None:
 
 def clear(dataset: Dataset, slot: Slot) -> None:
     """Remove the note on a slot, and what its worker, if it was killed, left half-written."""
-    for path in (dataset.episode(slot), dataset.ledger(slot)):
-        for left in path.parent.glob(f".{path.name}.*.tmp"):
-            left.unlink(missing_ok=True)
+    path = dataset.episode(slot)
+    for left in path.parent.glob(f".{path.name}.*.tmp"):
+        left.unlink(missing_ok=True)
+    done(dataset, slot)
+
+
+def done(dataset: Dataset, slot: Slot) -> None:
+    """Remove the note on a slot that its worker has finished."""
     _path(dataset, slot).unlink(missing_ok=True)
 
 
 def clear_all(dataset: Dataset, slots: list[Slot]) -> None:
     """As `clear`, for those of the slots that have a note."""
-    for slot in slots:
-        if _path(dataset, slot).exists():
+    folder = _folder(dataset)
+    noted = {path.name for path in folder.glob(f"*{_SUFFIX}")}
+    for slot in slots if noted else ():
+        if _path(dataset, slot).name in noted:
             clear(dataset, slot)
+    with suppress(OSError):  # another machine's notes
+        folder.rmdir()
 
 
 def _path(dataset: Dataset, slot: Slot) -> Path:
-    return dataset.ledger(slot).with_suffix(_SUFFIX)
+    # names have single underscores
+    return _folder(dataset) / f"{slot.path.replace('/', '__')}{_SUFFIX}"
+
+
+def _folder(dataset: Dataset) -> Path:
+    return dataset.ledger.root / "running"

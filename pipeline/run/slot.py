@@ -7,18 +7,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.atomic import remove, write_atomic
+from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError
 from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run import running
 from pipeline.run.failures import Failed, keep_failure, remove_failures
 from pipeline.run.keys import code_version, slot_keys
 from pipeline.run.last_frames import keep_last_frames
-from pipeline.run.make import draw, episode_of, renew, write
-from pipeline.run.state import IMAGES, SENTENCES, read_state
+from pipeline.run.make import draw, episode_of, read_facts, renew, write
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 
@@ -37,7 +36,8 @@ class Lost:
 class SlotJob:
     """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's code version.
 
-    `lost` attempts are not tried again; they are recorded as failed. Where renewing an episode (running.RENEWAL) is among them, the
+    `renewing` is the entry of an episode whose physics is up to date, so that only its images or sentences are made. `lost`
+    attempts are not tried again; they are recorded as failed. Where renewing an episode (running.RENEWAL) is among them, the
     episode is made from nothing.
     """
 
@@ -45,6 +45,7 @@ class SlotJob:
     recipe: Recipe
     slot: Slot
     code: str
+    renewing: SlotRecord | None = None
     lost: tuple[Lost, ...] = ()
 
 
@@ -55,27 +56,22 @@ def slot_worker() -> Callable[[SlotJob], SlotRecord]:
 
 
 def fill_slot(job: SlotJob) -> SlotRecord:
-    """Make what a slot lacks: everything, or only its images or sentences where its physics is up to date; write the ledger entry.
+    """Make what a slot lacks: everything, or only its images or sentences where its physics is up to date; its ledger entry, which
+    the driver writes.
 
     Raises DatasetError on a worker whose code is not the driver's: its episodes would carry a key that is not theirs.
     """
     if job.code != code_version():
         raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
-    state = read_state(dataset, job.slot, keys)
-    record = None
-    # a failed attempt that is kept is only made with its slot
-    renewable = state.todo in (IMAGES, SENTENCES) and job.recipe.keep_failures == "none"
-    if renewable and not any(one.attempt == running.RENEWAL for one in job.lost):
+    record, old = None, job.renewing
+    # a worker that died may have written it already
+    if old and not any(one.attempt == running.RENEWAL for one in job.lost) and dataset.intact(job.slot, old):
         running.note(dataset, job.slot, running.RENEWAL)
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
-            record = renew(dataset, job.recipe, job.slot, state, keys)
+            record = renew(dataset, job.recipe, job.slot, old, keys)
     record = record or _from_nothing(dataset, job, keys)
-    entry = dataset.ledger(job.slot)
-    if entry.is_dir():
-        remove(entry)
-    write_atomic(entry, record.to_json())
-    running.clear(dataset, job.slot)
+    running.done(dataset, job.slot)
     return record
 
 
@@ -83,7 +79,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
     """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
-    phases, rows, sha = Phases(), list[dict[str, Any]](), ""
+    phases, rows, sha, known = Phases(), list[dict[str, Any]](), "", FileFacts()
     remove(dataset.episode(slot))
     remove_failures(dataset, slot)
     for number in range(recipe.attempts):
@@ -108,8 +104,9 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
             sha = write(dataset.episode(slot), episode_of(rollout, recipe, images.drawing, keys), images, phases)
+            known = read_facts(dataset, slot)
             row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
         rows.append({"seconds": time.perf_counter() - began} | row)
         if sha:
             break
-    return SlotRecord(keys, bool(sha), sha, tuple(rows), phases.record())
+    return SlotRecord(keys, bool(sha), sha, tuple(rows), phases.record(), file=known)

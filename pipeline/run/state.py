@@ -1,14 +1,16 @@
 """What of a slot is done, and what a build would do again and why."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger import SlotRecord
+from pipeline.data.entries import Entries, Files
+from pipeline.data.ledger_files import NO_RECORD
+from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.stamps import stamp_of
 from pipeline.registry import UnknownName
 from pipeline.run.keys import slot_keys
 
@@ -21,61 +23,85 @@ DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "s
 @dataclass(frozen=True)
 class SlotState:
     """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything), IMAGES (from the stored state
-    log) or SENTENCES; `because` names the parts of the key that changed. `record` is the ledger entry, where there is one."""
+    log) or SENTENCES; `because` names the parts of the key that changed. `accepted` is what the ledger entry says, None where there
+    is none; `restamp` that its episode had to be read to see that it is whole: its entry has another stamp."""
 
     todo: str
     because: tuple[str, ...] = ()
-    record: SlotRecord | None = None
+    accepted: bool | None = None
+    restamp: bool = False
 
 
-def slot_state(dataset: Dataset, slot: Slot, keys: SlotKeys) -> SlotState:
-    """State of a slot against the keys it would have now. A slot that was given up has no images and no sentences."""
-    record = dataset.record(slot)
-    if record is None:
-        return SlotState(OPEN)
-    if changed := record.keys.physics.changed(keys.physics):
-        return SlotState(PHYSICS, tuple(changed), record)
-    if not record.accepted:
-        return SlotState(DONE, (), record)
-    if not dataset.episode(slot).exists():
-        return SlotState(OPEN, (REDO,), record)
-    images = tuple(record.keys.render.changed(keys.render))
-    sentences = tuple(record.keys.language.changed(keys.language))
+def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
+    """Every entry's slot with its state against the keys it would have now, episodes unread. `keys` must have been read.
+
+    What was made for a task or robot that the code does not have is out of date. A slot that was given up has no images and no
+    sentences. Entries of a cell mostly have the same keys, so few are compared.
+    """
+    files, seen = Files(dataset.episodes), dict[tuple[object, ...], SlotState | None]()
+    texts = entries.table["keys"].to_pylist()
+    for slot, accepted, text in zip(entries.slots, entries.accepted, texts, strict=True):
+        case = (slot.cell, slot.variant, accepted, text)
+        if case not in seen:
+            seen[case] = _against(recipe, slot, accepted, text)
+        state = seen[case]
+        if state is None:
+            yield slot, SlotState(OPEN)
+        elif accepted and state.todo != PHYSICS and not files.there(slot):
+            yield slot, SlotState(OPEN, (REDO,), accepted)
+        else:
+            yield slot, state
+
+
+def _against(recipe: Recipe, slot: Slot, accepted: bool, text: str) -> SlotState | None:
+    """The state of a slot whose episode is there; None for keys that cannot be read."""
+    try:
+        held = unpack_keys(slot, text)
+    except NO_RECORD:
+        return None
+    try:
+        keys = slot_keys(recipe, slot)
+    except UnknownName as unknown:
+        return SlotState(PHYSICS, (str(unknown),), accepted)
+    if changed := held.physics.changed(keys.physics):
+        return SlotState(PHYSICS, tuple(changed), accepted)
+    if not accepted:
+        return SlotState(DONE, (), accepted)
+    images, sentences = tuple(held.render.changed(keys.render)), tuple(held.language.changed(keys.language))
     if images:
-        return SlotState(IMAGES, images + sentences, record)
-    return SlotState(SENTENCES, sentences, record) if sentences else SlotState(DONE, (), record)
-
-
-def read_state(dataset: Dataset, slot: Slot, keys: SlotKeys) -> SlotState:
-    """As `slot_state`, after reading the episode: one whose bytes are not the ledger's is made again from nothing."""
-    state = slot_state(dataset, slot, keys)
-    record = state.record
-    if record is None or not record.accepted or state.todo in (OPEN, PHYSICS):
-        return state
-    if not dataset.intact(slot, record):
-        return SlotState(PHYSICS, (REDO,), record)
-    return state
+        return SlotState(IMAGES, images + sentences, accepted)
+    return SlotState(SENTENCES, sentences, accepted) if sentences else SlotState(DONE, (), accepted)
 
 
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
-    """Every slot of a recipe with its state now, episodes unread: whether their bytes are the ledger's is for `read_states`.
-
-    What was made for a task or robot that the code does not have is out of date.
-    """
+    """Every slot of a recipe with its state now, episodes unread: whether their bytes are the ledger's is for `read_states`."""
+    found, none = dict(entry_states(dataset, recipe, dataset.entries(recipe, ("keys",)))), SlotState(OPEN)
     for slot in recipe.slots():
-        yield slot, _state(dataset, recipe, slot, slot_state)
+        yield slot, found.get(slot, none)
 
 
 def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iterator[tuple[Slot, SlotState]]:
-    """Slots of a recipe, in order, with their states after reading every episode, on as many threads as there are cores."""
-    wanted = list(slots)
+    """Slots of a recipe, in order, with their states after a look at every episode: one whose bytes are not the ledger's is made
+    again from nothing.
+
+    A file with the stamp of its entry (length and time of its last change) has not been written since; every other one is read, on
+    as many threads as there are cores.
+    """
+    entries, wanted = dataset.entries(recipe, ("keys", "stamp", "attempts")), list(slots)
+    found = dict(entry_states(dataset, recipe, entries))
+    files, doubtful = Files(dataset.episodes), list[tuple[Slot, str]]()
+    asked = set(wanted)
+    columns = (entries.table[name].to_pylist() for name in ("sha256", "stamp"))
+    for slot, sha256, stamp in zip(entries.slots, *columns, strict=True):
+        state = found[slot]
+        if slot in asked and state.accepted and state.todo not in (OPEN, PHYSICS):
+            entry = files.entry(slot)
+            if not stamp or entry is None or stamp_of(entry.stat()) != stamp:
+                doubtful.append((slot, sha256))
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-        yield from zip(wanted, threads.map(lambda slot: _state(dataset, recipe, slot, read_state), wanted), strict=True)
-
-
-def _state(dataset: Dataset, recipe: Recipe, slot: Slot, look: Callable[[Dataset, Slot, SlotKeys], SlotState]) -> SlotState:
-    try:
-        return look(dataset, slot, slot_keys(recipe, slot))
-    except UnknownName as unknown:
-        record = dataset.record(slot)
-        return SlotState(OPEN if record is None else PHYSICS, (str(unknown),), record)
+        whole = threads.map(lambda pair: dataset.hashed(*pair), doubtful)
+        for (slot, _), same in zip(doubtful, whole, strict=True):
+            found[slot] = replace(found[slot], restamp=True) if same else SlotState(PHYSICS, (REDO,), True)
+    none = SlotState(OPEN)
+    for slot in wanted:
+        yield slot, found.get(slot, none)

@@ -258,6 +258,20 @@ CASES = [
     ),
     Case(("export", "unbuilt", "--format", "parquet"), "unbuilt"),
     *cases(
+        "diff", ("data missing", "missing"), ("data foreign", "foreign"), ("data", "'B'"), ("data bad-manifest", "bad-manifest")
+    ),
+    *cases("regenerate", ("data", "--episode"), ("data --episode 7", "has no such slot"), ("missing --episode x", "missing")),
+    *cases(
+        "merge",
+        ("data", "--out"),
+        ("data --out OUT", "two datasets"),
+        ("data missing --out OUT", "missing"),
+        ("data data --out data", "data"),
+        ("data data --out foreign", "foreign"),
+        ("data data --out data/x", "data"),
+    ),
+    *cases("gc", ("missing", "missing"), ("foreign", "foreign"), ("file", "file")),
+    *cases(
         "evaluate --out OUT",
         ("", "--policy"),
         ("--policy magic", "magic"),

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger import SlotRecord
@@ -135,8 +134,7 @@ def _datasets(root: Path) -> None:
         make_episode(dataset.episode(slot), frames=3)
         keys = SlotKeys(Key({"core": "x"}), Key({"looks": "x"}), Key({"phrases": "x"}))
         row = {"seed": recipe.spec(slot, 0).seed, "outcome": "accepted", "seconds": 1.0}
-        record = SlotRecord(keys, True, file_hash(dataset.episode(slot)), (row,), {})
-        write_atomic(dataset.ledger(slot), record.to_json())
+        dataset.ledger.add([(slot, SlotRecord(keys, True, file_hash(dataset.episode(slot)), (row,), {}))])
     for name, text in {
         "no-manifest": None,
         "bad-manifest": "levels: [9]\n",

@@ -1,7 +1,6 @@
 """A dataset directory: its recipe, its ledger, its attempts."""
 
 import errno
-import json
 from pathlib import Path
 
 import pytest
@@ -31,7 +30,7 @@ def finish(dataset, slot, accepted=True):
     write_atomic(path, b"episode")
     rows = (attempt_row(0, "failed"), attempt_row(1)) if accepted else (attempt_row(0, "failed"),)
     sha = file_hash(path) if accepted else ""
-    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, accepted, sha, rows, {"render": 1.0}).to_json())
+    dataset.ledger.add([(slot, SlotRecord(KEYS, accepted, sha, rows, {"render": 1.0}))])
 
 
 def everything(root):
@@ -156,8 +155,8 @@ def test_a_damaged_manifest_is_one_clear_line(tmp_path):
 @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"attempts": 3}', b"\xff\xfe"])
 def test_a_damaged_ledger_entry_counts_as_none(tmp_path, damage):
     dataset = Dataset(tmp_path)
-    finish(dataset, SLOT)
-    dataset.ledger(SLOT).write_bytes(damage)
+    write_atomic(dataset.episode(SLOT), b"episode")
+    write_atomic(tmp_path / "ledger" / f"{SLOT.path}.json", damage)
     assert dataset.record(SLOT) is None
     assert list(dataset.records(RECIPE)) == []
 
@@ -172,7 +171,8 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
     assert table.schema == ATTEMPTS
     assert table.column("outcome").to_pylist() == ["failed", "accepted", "failed", "accepted", "failed"]
     assert not [p for p in everything(tmp_path) if p.endswith(".tmp")]
-    assert json.loads(dataset.ledger(slots[1]).read_text())["phases"] == {"render": 1.0}
+    record = dataset.record(slots[1])
+    assert record is not None and record.phases == {"render": 1.0}
 
 
 # --- what stands in its place -------------------------------------------------------------------------------------------------
@@ -233,7 +233,7 @@ def test_what_may_not_be_read_is_neither_absent_nor_damaged(tmp_path, monkeypatc
         patch.setattr("pipeline.data.keys.open_regular", refuse)
         with pytest.raises(DatasetError, match=r"hdf5: cannot be read \(Permission denied\)"):
             dataset.intact_episodes(RECIPE)
-    monkeypatch.setattr("pipeline.data.dataset.read_regular", refuse)
+    monkeypatch.setattr("pipeline.data.ledger_files.read_regular", refuse)
     with pytest.raises(PermissionError):
         list(dataset.records(RECIPE))
 

@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 from pipeline.data import Dataset, parse_recipe
-from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger import SlotRecord
 from tests.synthetic import make_episode
@@ -43,7 +42,7 @@ def test_a_dataset_is_read_without_the_simulator(tmp_path):
     keys = SlotKeys(Key({}), Key({}), Key({}))
     for slot in recipe.slots():
         path = make_episode(dataset.episode(slot), task=slot.cell.task, embodiment=slot.cell.embodiment, frames=3)
-        write_atomic(dataset.ledger(slot), SlotRecord(keys, True, file_hash(path), (), {}).to_json())
+        dataset.ledger.add([(slot, SlotRecord(keys, True, file_hash(path), (), {}))])
     done = subprocess.run(
         [sys.executable, "-c", READ, str(dataset.root)], capture_output=True, text=True, cwd=ROOT, check=False, timeout=120
     )

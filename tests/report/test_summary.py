@@ -13,11 +13,12 @@ from pipeline.data.cameras import CAMERA_TYPES, Camera
 from pipeline.data.episode import EpisodeError, open_episode
 from pipeline.data.jpeg import decode_frame
 from pipeline.html import render_page
+from pipeline.report import summary
 from pipeline.report.contact_sheet import Style, contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import MEETING_COLOR, draw_path, film, pick_frames, target_path
 from pipeline.report.html import Bar, CellCard, Figure, Moves, Report, Section, Strip, TaskSection, report_page, speed_histogram
 from pipeline.report.speed_law import Law
-from pipeline.report.summary import observe, write_report
+from pipeline.report.summary import Material, cell_of, observe, write_report
 from tests.synthetic import COLORS, HALF, SPEED, episode_path, make_episode, square_corner
 
 
@@ -38,6 +39,14 @@ def attempt(**changes) -> dict:
         "seconds": 1.5,
     }
     return row | changes
+
+
+def report(root, paths, rows, extras=(), keys=None):
+    """The report of some episodes and attempts."""
+    cells = {}
+    for row in rows:
+        cells.setdefault(cell_of(row), []).append(row)
+    return write_report(root, Material([observe(path) for path in paths], cells, keys or {}), extras)
 
 
 class Tags(HTMLParser):
@@ -78,7 +87,7 @@ def dataset(tmp_path_factory) -> tuple[Path, list[Path], str]:
     rows = [attempt(level=n, slot=s) for n in (0, 1, 2) for s in (0, 1)]
     rows += [attempt(outcome="failed", stage="replay", reason="missed<b>", attempt=1)] * 3
     rows += [attempt(level=3, outcome="failed", stage="dry_run", reason="no_plan")] * 4
-    page = write_report(root, paths, rows, [Section("Flow", [Strip([Figure(b"jpeg", "overlay")], 1)])])
+    page = report(root, paths, rows, [Section("Flow", [Strip([Figure(b"jpeg", "overlay")], 1)])])
     assert page == root / "report" / "index.html"
     return root, paths, page.read_text(encoding="utf-8")
 
@@ -124,16 +133,36 @@ def test_pictures_are_jpeg_with_one_meeting_a_film(dataset):
 
 
 def test_a_dataset_without_attempts_or_episodes_still_reports(tmp_path):
-    text = write_report(tmp_path, [], []).read_text()
+    text = report(tmp_path, [], []).read_text()
     parse(text)
     assert "No attempts are recorded." in text and "Nothing moves in this dataset." in text
+
+
+def test_many_cells_have_a_page_for_each_task_that_is_drawn_again_when_it_changed(tmp_path, monkeypatch):
+    monkeypatch.setattr(summary, "MANY_CELLS", 3)
+    tasks = ("click_bell", "grab_roller")
+    paths = [make_episode(episode_path(tmp_path, task=t, slot=s), task=t, slot=s, seed=s, frames=3) for t in tasks for s in (0, 1)]
+    rows = [attempt(task=t, level=n, slot=s, seconds=2.0) for t in tasks for n in (1, 2) for s in (0, 1)]
+    page = report(tmp_path, paths, rows, keys=dict.fromkeys(tasks, "a"))
+    text, pages = page.read_text(), sorted((tmp_path / "report" / "tasks").iterdir())
+    assert [p.name for p in pages] == ["click_bell.html", "grab_roller.html"]
+    assert '<a href="tasks/grab_roller.html">grab roller</a></td><td>2</td><td>4</td><td>4</td>' in text
+    assert "<img" not in text and "<b>8</b><span>attempts" in text
+    assert [parse(p.read_text()).seen and p.read_text().count("<img") for p in pages] == [3, 3]  # three frames of one episode
+    assert "<b>4</b><span>attempts" in pages[0].read_text()
+    before = [p.stat().st_mtime_ns for p in pages]
+    report(tmp_path, paths, rows, keys={"click_bell": "a", "grab_roller": "b"})
+    assert [p.stat().st_mtime_ns == old for p, old in zip(pages, before, strict=True)] == [True, False]
+    monkeypatch.setattr(summary, "MANY_CELLS", 40)
+    report(tmp_path, paths, rows)
+    assert not pages[0].exists() and page.read_text().count("<img") == 4 * 3
 
 
 def test_a_broken_episode_is_named_and_no_report_is_left(tmp_path):
     path = tmp_path / "episode_0000000.hdf5"
     path.write_bytes(b"not hdf5")
     with pytest.raises(EpisodeError, match=r"episode_0000000\.hdf5"):
-        write_report(tmp_path, [path], [])
+        report(tmp_path, [path], [])
     assert not (tmp_path / "report").exists()
 
 
@@ -155,7 +184,7 @@ def test_drawn_and_accepted_motions_stand_beside_each_other_for_the_level_and_fo
     fast = {"average_speed": 0.09, "end_speed": 0.09, "maximum_speed": 0.09, "displacement": 0.3}
     slow = {"average_speed": 0.01, "end_speed": 0.01, "maximum_speed": 0.01, "displacement": 0.04}
     rows = [attempt(outcome="failed", **fast), attempt(attempt=1, **slow)]
-    text = write_report(tmp_path, [make_episode(episode_path(tmp_path, level=1), level=1)], rows).read_text()
+    text = report(tmp_path, [make_episode(episode_path(tmp_path, level=1), level=1)], rows).read_text()
     drawn = "<td>drawn</td><td>1</td><td>0.0900</td><td>0.0900</td><td>0.300</td><td>0 %</td><td>0 %</td><td>100 %</td>"
     accepted = "<td>accepted</td><td>1</td><td>0.0100</td><td>0.0100</td><td>0.040</td><td>100 %</td><td>100 %</td><td>0 %</td>"
     assert text.count(drawn) == text.count(accepted) == 2
@@ -177,7 +206,7 @@ ESCAPED = "&lt;script&gt;alert(&#39;x&#39;)&amp;&#34;quoted&#34;"
 
 def test_hostile_names_are_escaped_wherever_they_stand(tmp_path):
     rows = [attempt(stage=HOSTILE, outcome="failed", reason=HOSTILE)]
-    written = write_report(tmp_path / HOSTILE.replace("/", ""), [], rows, []).read_text()
+    written = report(tmp_path / HOSTILE.replace("/", ""), [], rows, []).read_text()
     bars = [Bar(HOSTILE, 1, False)]
     strips = [Strip([Figure(b"", f'" onload={HOSTILE}')], 1)]
     moves = Moves(HOSTILE, Law(3, 0.1, 0.1, 0.2, 0.0, 0.0, 1.0), None)
@@ -197,7 +226,7 @@ def test_hostile_names_are_escaped_wherever_they_stand(tmp_path):
 
 def test_a_directory_whose_name_is_no_utf8_has_a_report(tmp_path):
     root = tmp_path / b"bytes\xff".decode(errors="surrogateescape")
-    assert "<h1>bytes?</h1>" in write_report(root, [], []).read_text(encoding="utf-8")
+    assert "<h1>bytes?</h1>" in report(root, [], []).read_text(encoding="utf-8")
 
 
 def test_a_value_that_the_template_wants_and_is_not_given_is_named():

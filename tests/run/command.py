@@ -1,12 +1,14 @@
 """The real command in a process of its own, and what it must have made whoever did the work."""
 
-import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
+
+from pipeline.data.dataset import Dataset
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("domino-data")
@@ -34,18 +36,17 @@ def build(out, *more, **options):
 
 
 def slots(out):
-    return sorted(p.relative_to(out).as_posix() for p in out.glob("ledger/**/*.json"))
+    return sorted(slot.path for slot, _ in Dataset(out).ledger.entries())
 
 
 def contents(out):
     """What must not depend on who built it: episode bytes, ledger and attempts without times, recipe and provenance."""
     ledger = {}
-    for name in slots(out):
-        record = json.loads((out / name).read_text())
-        assert record.pop("phases")
-        for row in record["attempts"]:
-            assert row.pop("seconds") > 0
-        ledger[name] = record
+    for slot, record in Dataset(out).ledger.entries():
+        assert record.phases and record.file.stamp and all(record.file.assets.values())
+        assert all(row.pop("seconds") > 0 for row in record.attempts)
+        file = replace(record.file, stamp="", assets=dict.fromkeys(record.file.assets))
+        ledger[slot] = replace(record, phases={}, file=file)
     rows = pq.read_table(out / "attempts.parquet").drop_columns("seconds").to_pylist()
     files = [*out.glob("episodes/**/*.hdf5"), out / "manifest.yaml", out / "provenance.json"]
     return {p.relative_to(out).as_posix(): p.read_bytes() for p in files}, ledger, rows

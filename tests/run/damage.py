@@ -13,9 +13,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.data.ledger_files import Ledger
+from pipeline.data.ledger_files import line_of as line_of_entry
+from pipeline.data.ledger_table import SCHEMA, decoded, encoded
+
 FIRST, SECOND = (f"click_bell/aloha-agilex/L1/clean/episode_000000{i}" for i in range(2))
 EPISODE, OTHER = f"episodes/{FIRST}.hdf5", f"episodes/{SECOND}.hdf5"
-ENTRY, OTHER_ENTRY = f"ledger/{FIRST}.json", f"ledger/{SECOND}.json"
+LEDGER_FILE, SEGMENT = "ledger/click_bell/aloha-agilex.parquet", "ledger/journal/0000000000.jsonl"
 CAMERA = "observation/head_camera"
 BUILD, ANNOTATE, EXPORT, USER = "build", "annotate", "export", "you"
 
@@ -211,22 +215,53 @@ def entry(**values: Any) -> Callable[[Path], object]:
     return damage
 
 
-def row(**values: Any) -> Callable[[Path], object]:
-    """Change the last attempt of a ledger entry."""
+def rows(change: Callable[[list[dict[str, Any]]], object]) -> Callable[[Path], object]:
+    """Change the entries of a file of the ledger."""
 
     def damage(path: Path) -> None:
-        found = json.loads(path.read_text())
-        found["attempts"][-1] |= values
-        path.write_text(json.dumps(found))
+        found = decoded(path.read_bytes()).to_pylist()
+        change(found)
+        path.write_bytes(encoded(pa.Table.from_pylist(found, schema=SCHEMA)))
 
     return damage
 
 
+def entry_with(**values: Any) -> Callable[[Path], object]:
+    """Change columns of the first entry of a file of the ledger."""
+    return rows(lambda found: found[0].update(values))
+
+
+def attempt_with(**values: Any) -> Callable[[Path], object]:
+    """Change the last attempt of the first entry of a file of the ledger."""
+    return rows(lambda found: found[0]["attempts"][-1].update(values))
+
+
 def key(path: Path) -> None:
-    """Change a part of the physics key of a ledger entry."""
-    found = json.loads(path.read_text())
-    found["keys"]["render"]["shaders"] = "0" * 32
-    path.write_text(json.dumps(found))
+    """Change a part of the render key of an entry."""
+
+    def change(found: list[dict[str, Any]]) -> None:
+        keys = json.loads(found[0]["keys"])
+        keys["render"]["shaders"] = "0" * 32
+        found[0]["keys"] = json.dumps(keys)
+
+    rows(change)(path)
+
+
+def exchanged(found: list[dict[str, Any]]) -> None:
+    """Exchange two entries, but for the slots that they name."""
+    first, second = dict(found[0]), dict(found[1])
+    found[0], found[1] = second | {"slot": first["slot"]}, first | {"slot": second["slot"]}
+
+
+def segment(damage: Callable[[str], str]) -> Callable[[Path], object]:
+    """Write the entry of the first slot into the journal as well, damaged."""
+
+    def write(path: Path) -> None:
+        slot, record = next(Ledger(path.parents[1]).entries())
+        path.parent.mkdir()
+        path.write_text(damage(line_of_entry(slot, record).decode()))
+
+    return write
 
 
 def table(change: Callable[[pa.Table], pa.Table]) -> Callable[[Path], object]:

@@ -5,6 +5,7 @@ import shutil
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -12,6 +13,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.cli import main
+from pipeline.data.dataset import Dataset
+from pipeline.data.keys import Key
+from pipeline.data.ledger_table import encoded
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
 from pipeline.stages.hints import NO_MOTION_HINTS
@@ -100,10 +104,10 @@ def test_a_dataset_grows_and_keeps_what_it_holds(mine, capsys, monkeypatch):
 
 
 def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(mine, capsys, monkeypatch):
-    for entry in mine.glob("ledger/**/*.json"):
-        record = json.loads(entry.read_text())
-        record["keys"]["physics"]["core"] = "0" * 32
-        entry.write_text(json.dumps(record))
+    ledger = Dataset(mine).ledger
+    for slot, record in list(ledger.entries()):
+        physics = Key(record.keys.physics.parts | {"core": "0" * 32})
+        ledger.add([(slot, replace(record, keys=replace(record.keys, physics=physics)))])
     for words in (("export", mine, "--format", "parquet"), ("annotate", mine, "--stages", "flow", "--flow-stride", "2")):
         code, out, err = command(capsys, monkeypatch, *words, "--json")
         assert (code, json.loads(out)["episodes"]) == (0, 3)
@@ -354,9 +358,10 @@ def test_exports_of_nothing_and_of_an_unknown_kind_are_refused(capsys, monkeypat
 
 
 def test_an_episode_without_a_ledger_entry_is_found(capsys, monkeypatch, mine):
-    entry = next(mine.glob("ledger/**/L3/**/*.json"))
-    entry.unlink()
-    stray = mine / "episodes" / entry.relative_to(mine / "ledger").with_suffix(".hdf5")
+    ledger = Dataset(mine).ledger
+    [(group, table)] = [(group, ledger.table(group)) for group in ledger.groups()]
+    ledger.file(group).write_bytes(encoded(table.filter([level != 3 for level in table["level"].to_pylist()])))
+    stray = next(mine.glob("episodes/**/L3/**/*.hdf5"))
     make_episode(stray, frames=2)
     code, out, _ = command(capsys, monkeypatch, "verify", mine, "--json")
     assert code == 1

@@ -20,7 +20,23 @@ from pipeline.run.pool import Pool
 from pipeline.run.state import DONE, read_states
 from pipeline.run.verify import verify
 from tests.export.test_common import run as export
-from tests.run.damage import ANNOTATE, BUILD, ENTRY, EPISODE, OTHER, Kind, cut, directory, flip, gone, swap, text
+from tests.run.damage import (
+    ANNOTATE,
+    BUILD,
+    EPISODE,
+    LEDGER_FILE,
+    OTHER,
+    SEGMENT,
+    Kind,
+    cut,
+    directory,
+    entry_with,
+    flip,
+    gone,
+    rows,
+    swap,
+    text,
+)
 from tests.run.damages import FLOW, KINDS
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "corruption.md"
@@ -116,7 +132,10 @@ def test_damage_is_found_and_blamed_on_its_file(kinds, whole, tmp_path):
     assert all(any(name in problem for name in blamed.values()) for problem in problems)
     if kinds[0].file.startswith("exports"):
         assert set(failed) == {check for _, check in places.values()}
-    if kinds[0].by == BUILD and kinds[0].file.startswith(("episodes", "ledger")):
+    if kinds[0].file == SEGMENT:
+        Dataset(dataset).ledger.compact()
+        assert failures(dataset) == {}
+    elif kinds[0].by == BUILD and kinds[0].file.startswith(("episodes", "ledger")):
         assert [s.todo for _, s in read_states(Dataset(dataset), RECIPE, RECIPE.slots())] != [DONE, DONE]
     if kinds[0].by == ANNOTATE:
         annotate(dataset, ("flow",))
@@ -133,7 +152,7 @@ def test_every_kind_is_made():
     [
         {EPISODE: cut(0.5), OTHER: directory, "attempts.parquet": text("none"), "provenance.json": gone},
         {EPISODE: swap(EPISODE, OTHER), "assets": gone},
-        {EPISODE.replace("episodes", "ledger").replace("hdf5", "json"): directory, OTHER: flip(0.3), "assets": cut(0.5)},
+        {LEDGER_FILE: entry_with(sha256="zero"), OTHER: flip(0.3), "assets": cut(0.5)},
     ],
 )
 def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
@@ -153,7 +172,7 @@ def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
     ("damage", "failing"),
     [
         (lambda dataset: shutil.rmtree(dataset / "ledger"), {"files", "attempts"}),
-        (lambda dataset: (dataset / ENTRY).unlink(), {"files", "attempts"}),
+        (lambda dataset: rows(lambda found: found.pop())(dataset / LEDGER_FILE), {"files", "attempts"}),
         (lambda dataset: (dataset / EPISODE).unlink(), {"files"}),
         (lambda dataset: next(dataset.glob("annotations/*/stage.json")).write_text("{"), {"annotations"}),
     ],
@@ -166,7 +185,8 @@ def test_what_depends_on_a_damaged_file_is_not_blamed(damage, failing, whole, tm
 
 def test_an_unfinished_dataset_is_no_damaged_one(whole, tmp_path):
     dataset = Path(shutil.copytree(whole, tmp_path / "out", ignore=shutil.ignore_patterns("exports", "annotations")))
-    for file in (OTHER, OTHER.replace("episodes", "ledger").replace("hdf5", "json"), "attempts.parquet"):
+    rows(lambda found: found.pop())(dataset / LEDGER_FILE)
+    for file in (OTHER, "attempts.parquet"):
         (dataset / file).unlink()
     found = verify(Dataset(dataset))
     assert (found["ok"], found["episodes"], found["open"]) == (True, 1, 1)
@@ -181,8 +201,10 @@ a dataset of two episodes with flow maps and all exports: the file, what was don
 command that puts it right when it is run again. Where that is you, the message says what to do. `refused`: without a recipe
 nothing can be checked, and the command ends with one line that names the file and exit code 2.
 
-A build reads all that is there before it begins: it makes episodes again whose bytes are not those of the ledger, writes
-missing and damaged assets, ledger entries, `attempts.parquet` and `provenance.json` anew, and sweeps temporary files.
+A build looks at all that is there before it begins: it makes episodes again whose bytes are not those of the ledger, writes
+missing and damaged assets, ledger entries, `attempts.parquet` and `provenance.json` anew, and sweeps temporary files. It
+reads the episodes and assets that were written since it last found them whole, by their length and time of change; `verify`
+reads every byte.
 `export` and `annotate` refuse an episode whose bytes are not those of the ledger. An export is compared only while all
 episodes are sound.
 

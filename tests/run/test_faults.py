@@ -85,7 +85,9 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
     assert not temporaries(dataset.root)
     died = {(0, 1): "worker_died", (1, 2): "worker_hung"}
     for one, its_seeds in zip(RECIPE.slots(), seeds(RECIPE), strict=True):
-        rows = json.loads(dataset.ledger(one).read_text())["attempts"]
+        record = dataset.record(one)
+        assert record is not None
+        rows = record.attempts
         assert [row["seed"] for row in rows] == its_seeds
         for number, row in enumerate(rows):
             reason = died.get((one.index, number))
@@ -105,7 +107,7 @@ def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(slot, "attempt", attempt)
     (one, *_), (its_seeds, *_) = RECIPE.slots(), seeds(RECIPE)
     lost = (Lost(2, "worker_hung", 60.0), Lost(0, "worker_died", 1.5))
-    record = fill_slot(SlotJob(str(tmp_path), RECIPE, one, code_version(), lost))
+    record = fill_slot(SlotJob(str(tmp_path), RECIPE, one, code_version(), lost=lost))
     assert tried == [its_seeds[1], its_seeds[3]]
     assert [(row["attempt"], row["stage"], row["reason"]) for row in record.attempts] == [
         (0, "worker", "worker_died"),

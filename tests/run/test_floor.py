@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.growth import differences, left_out
 from pipeline.data.ledger import SlotRecord
@@ -73,7 +72,7 @@ def test_a_build_goes_on_with_what_its_ledger_judges(tmp_path):
     for slot in done:
         rows = tuple(row | {"task": slot.cell.task, "level": slot.cell.level} for row in outcome(slot))
         accepted = rows[-1]["outcome"] == "accepted"
-        write_atomic(dataset.ledger(slot), SlotRecord(KEYS, accepted, "0" * 64 if accepted else "", rows, {}).to_json())
+        dataset.ledger.add([(slot, SlotRecord(KEYS, accepted, "0" * 64 if accepted else "", rows, {}))])
     jobs = jobs_of(slot for slot in slots if slot not in done)
     probation = Probation(dataset, RECIPE, jobs)
     ready = {job.slot for job in jobs}

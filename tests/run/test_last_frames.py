@@ -10,7 +10,7 @@ import pytest
 from pipeline.data.dataset import Dataset
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.planning.failure import PlanFailure
-from pipeline.report.summary import write_report
+from pipeline.report.summary import Material, cell_of, write_report
 from pipeline.run.last_frames import FRAMES, WIDTH, keep_last_frames
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure, failing_as
@@ -46,7 +46,7 @@ def test_the_last_frames_are_in_the_report_once(tmp_path, blocked):
     assert red.std() > 5  # a table under a sky, and no empty frame
     row = {"slot": 0, "attempt": 0, "seed": 1, "outcome": "failed", "stage": "dry_run", "reason": "grasp_blocked"}
     rows = [asdict(first.cell) | row | {"sim_steps": 1, "seconds": 1.0}]
-    page = write_report(dataset.root, [], rows).read_text()
+    page = write_report(dataset.root, Material([], {cell_of(rows[0]): rows})).read_text()
     assert page.count("failed: dry run: grasp blocked (slot 0, attempt 0)") == 2  # the caption, and what is said for the image
     assert base64.b64encode(path.read_bytes()).decode() in page
 

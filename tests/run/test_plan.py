@@ -9,7 +9,7 @@ import pytest
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode import EpisodeFile
-from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.recipe import parse_recipe
 from pipeline.run.cost import BYTES_PER_EPISODE, SECONDS_PER_EPISODE, Cost, cost_of
 from pipeline.run.plan import plan
@@ -26,7 +26,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     slot = next(iter(RECIPE.slots()))
     write_atomic(dataset.episode(slot), bytes(5000))
     rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
-    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}).to_json())
+    dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)))])
     assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)
     assert values["finished"] == 1
@@ -51,7 +51,9 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
     slot = next(iter(RECIPE.slots()))
     make_episode(dataset.episode(slot), frames=4, depth=True)
     phases = {"dry_run": 3.0, "dry_run.cpu": 1.0, "render": 3.0, "render.cpu": 0.5}
-    write_atomic(dataset.ledger(slot), SlotRecord(KEYS, True, "0" * 64, (attempt_row(0) | {"seconds": 7.0},), phases).to_json())
+    file = FileFacts(size=dataset.episode(slot).stat().st_size)
+    rows = (attempt_row(0) | {"seconds": 7.0},)
+    dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, phases, file=file))])
     values = plan(RECIPE, dataset, workers=1, price=0.5)
     assert values["estimated_hours"] == pytest.approx(3 * 7 / 3600)
     assert values["estimated_core_hours"] == pytest.approx(3 * 1.5 / 3600)

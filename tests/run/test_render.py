@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -17,15 +18,13 @@ from filelock import FileLock
 
 from pipeline.cli import main
 from pipeline.data import Dataset, EpisodeFile
-from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import file_hash
-from pipeline.data.ledger import SlotRecord
 from pipeline.data.physics_id import physics_id
 from pipeline.run.build import build
 from pipeline.run.names import recipe_from
-from pipeline.run.plan import status
 from pipeline.run.pool import Pool
 from pipeline.run.render import render
+from pipeline.run.status import status
 from pipeline.run.verify import verify
 from tests.export.running import run as run_export
 
@@ -194,8 +193,7 @@ def rename(dataset, task):
 
 def reseal(dataset, slot):
     record = dataset.record(slot)
-    values = vars(record) | {"sha256": file_hash(dataset.episode(slot))}
-    write_atomic(dataset.ledger(slot), SlotRecord(**values).to_json())
+    dataset.ledger.add([(slot, replace(record, sha256=file_hash(dataset.episode(slot))))])
 
 
 def test_a_task_and_a_robot_that_are_gone_can_still_be_drawn(mine, source, tmp_path):
@@ -235,7 +233,7 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path, cap
     assert (code, values["drawn"], values["accepted"]) == (1, 1, 1)
     assert len(values["problems"]) == 1 and str(path) in values["problems"][0]
     assert "Traceback" not in err
-    assert Dataset(out).episode(second).exists() and not Dataset(out).ledger(first).exists()
+    assert Dataset(out).episode(second).exists() and Dataset(out).record(first) is None
     # an asset that is missing is the problem of those episodes that show it
     with EpisodeFile(mine.episode(second)) as e:
         lost = Dataset(mine.root).bodies / e.meta.drawing.assets["bell"][:2]

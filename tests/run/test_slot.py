@@ -26,7 +26,9 @@ def test_a_failed_attempt_names_its_conditions_in_the_attempts_table(tmp_path, u
     recipe = recipe_from({"tasks": [unsolvable], "embodiments": ["aloha-agilex"], "levels": [0], "episodes": 1, "attempts": BUDGET})
     dataset = Dataset(tmp_path / "out")
     dataset.create(recipe)
-    record = fill_slot(SlotJob(str(dataset.root), recipe, next(recipe.slots()), code_version()))
+    slot = next(recipe.slots())
+    record = fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version()))
+    dataset.ledger.add([(slot, record)])
     assert not record.accepted and len(record.attempts) == BUDGET
     dataset.write_attempts(recipe)
     rows = pq.read_table(dataset.attempts).to_pylist()

@@ -17,7 +17,6 @@ from pipeline.annotate.select import parse_where, selected
 from pipeline.annotate.store import CorruptAnnotation, annotation_path, entry_header, find_stage, read_entry
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
-from pipeline.data.ledger import SlotRecord
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.data.spec import EpisodeSpec
 from training.puma.config import Config, Source
@@ -81,15 +80,8 @@ class Shards:
 
     def _check_export(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Every accepted episode of the ledger must be in the export, made from the same physics."""
-        ledger = self.dataset / "ledger"
-        accepted: dict[str, str] = {}
-        for path in ledger.rglob("*.json"):
-            try:
-                record = SlotRecord.from_json(path.read_bytes())
-            except (OSError, ValueError, TypeError, KeyError):
-                continue
-            if record.accepted:
-                accepted[f"episodes/{path.relative_to(ledger).with_suffix('.hdf5').as_posix()}"] = record.keys.physics.digest
+        entries = Dataset(self.dataset).ledger.entries()
+        accepted = {f"episodes/{slot.path}.hdf5": record.keys.physics.digest for slot, record in entries if record.accepted}
         exported = {row["source"]: row["physics_key"] for row in rows}
         if len(self._groups) != len(rows) or (accepted and exported != accepted):
             raise TrainError(

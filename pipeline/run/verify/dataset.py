@@ -2,7 +2,7 @@
 
 import os
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.entries import Files
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
 from pipeline.run.pool import Died, Done, Limit, Pool
@@ -20,7 +21,15 @@ from pipeline.run.state import DONE, OPEN, SlotState, states
 from pipeline.run.strikes import Strikes
 from pipeline.run.verify.episode import Judged, judge_episode
 from pipeline.run.verify.exports import check_export, exports_of
-from pipeline.run.verify.layout import check_attempts, check_failures, check_ledger, check_provenance, check_strays
+from pipeline.run.verify.layout import (
+    check_attempts,
+    check_entry,
+    check_failures,
+    check_ledger,
+    check_provenance,
+    check_strays,
+    unrecorded,
+)
 from pipeline.run.verify.stored import check_assets, check_robot_meshes, check_stage
 from pipeline.run.verify.tally import Finding, Tally
 
@@ -57,11 +66,12 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     recipe, tally, pool = dataset.recipe(), Tally(), pool or Pool()
     root = str(dataset.root.resolve())
     tally.add(check_robot_meshes(dataset, recipe))
-    found = list(states(dataset, recipe))
-    jobs = [Job(root, recipe, slot) for slot, state in found if state.todo != OPEN or dataset.ledger(slot).exists()]
-    unrecorded = [slot for slot, state in found if state.todo == OPEN and not dataset.ledger(slot).exists()]
-    for slot in unrecorded:
-        tally.add(check_ledger(dataset, recipe, slot)[1])
+    tally.add(check_ledger(dataset, recipe))
+    entries, found = dataset.entries(recipe, ()), list(states(dataset, recipe))
+    recorded = {*entries.slots, *entries.impossible}
+    jobs = [Job(root, recipe, slot) for slot, _ in found if slot in recorded]
+    files = Files(dataset.episodes)
+    tally.add(unrecorded(dataset, slot) for slot, _ in found if slot not in recorded and files.there(slot))
     stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
     with session(pool), tqdm(total=len(jobs), unit="ep", disable=not progress, dynamic_ncols=True) as bar:
         judged = list(_judge(jobs, pool, bar))
@@ -71,7 +81,7 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
         annotated = list(_judge([Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages], pool, bar))
         for each in annotated:
             tally.add(each.findings)
-        exports, hindered = exports_of(dataset), _hindrance(dataset, found, sound, annotated)
+        exports, hindered = exports_of(dataset), _hindrance(dataset, found, recorded, [*sound, *annotated])
         paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
         if not hindered:
             compared = [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
@@ -83,7 +93,7 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     tally.add(check_failures(dataset, recipe))
     names = [(dataset.episode(each.slot).relative_to(dataset.root).as_posix(), each.assets) for each in sound]
     tally.add(check_assets(dataset, names))
-    waiting = sum(state.record is None for _, state in found)
+    waiting = sum(state.accepted is None for _, state in found)
     tally.add(check_attempts(dataset, recipe, not waiting))
     tally.add(check_provenance(dataset, not waiting))
     stale = sum(state.todo not in (DONE, OPEN) for _, state in found)
@@ -120,18 +130,19 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
 
 
 def _hindrance(
-    dataset: Dataset, found: Iterable[tuple[Slot, SlotState]], sound: Sequence[Judged], annotated: Iterable[Judged]
+    dataset: Dataset, found: Iterable[tuple[Slot, SlotState]], recorded: Collection[Slot], judged: Sequence[Judged]
 ) -> str:
     """Why no export can be compared now; empty where it can."""
+    sound = [each for each in judged if each.sound]
     there = [
-        state.record.accepted if state.record else os.path.lexists(dataset.episode(slot)) or os.path.lexists(dataset.ledger(slot))
+        state.accepted if state.accepted is not None else slot in recorded or os.path.lexists(dataset.episode(slot))
         for slot, state in found
     ]
     if sum(there) > len(sound):
         return f"not compared while {sum(there) - len(sound)} episodes are damaged"
     if not sound:
         return "not compared while there are no episodes"
-    damaged = any(each.problem and each.check.startswith("annotations") for judged in annotated for each in judged.findings)
+    damaged = any(each.problem and each.check.startswith("annotations") for of in judged for each in of.findings)
     return "not compared while annotations are damaged" if damaged else ""
 
 
@@ -150,7 +161,7 @@ def judge_one(job: Job) -> Judged:
         else:
             found = check_stage(dataset, place, {dataset.episode(slot) for slot in job.recipe.slots()})
         return Judged(next(job.recipe.slots()), list(found))
-    record, findings = check_ledger(dataset, job.recipe, job.slot)
+    record, findings = check_entry(dataset, job.recipe, job.slot)
     if record is None or not record.accepted:
         return Judged(job.slot, findings)
     judged = judge_episode(dataset, job.recipe, job.slot, record)

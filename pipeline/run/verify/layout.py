@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import pyarrow as pa
@@ -20,16 +21,32 @@ PASSING = (".tmp", ".running")
 """Files that come and go while a build runs."""
 
 
-def check_ledger(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotRecord | None, list[Finding]]:
-    """The ledger entry of a slot, where it is there and can be read, and what is wrong with it."""
-    path = dataset.ledger(slot)
-    name = path.relative_to(dataset.root).as_posix()
-    if not path.exists():
-        stray = dataset.episode(slot).exists()
-        said = f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}"
-        return None, [Finding("files", said)] if stray else []
+def check_ledger(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
+    """The files of the ledger can be read, and every line of its journal."""
+    ledger = dataset.ledger
+    for group in product(recipe.tasks, recipe.embodiments):
+        try:
+            ledger.stored(group)
+        except FAULTS as error:
+            name = ledger.file(group).relative_to(dataset.root).as_posix()
+            yield Finding("ledger", f"{name}: cannot be read ({line(error)}); {AGAIN}")
+    for problem in ledger.journal().problems:
+        yield Finding("ledger", f"ledger/{problem}; {AGAIN}")
+
+
+def unrecorded(dataset: Dataset, slot: Slot) -> Finding:
+    """An episode whose slot has no ledger entry."""
+    return Finding("files", f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}")
+
+
+def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotRecord | None, list[Finding]]:
+    """The ledger entry of a slot, where it can be read, and what is wrong with it."""
+    name = f"{dataset.ledger.file((slot.cell.task, slot.cell.embodiment)).relative_to(dataset.root).as_posix()}: {slot.path}"
+    episode = dataset.episode(slot).relative_to(dataset.root)
     try:
-        record = SlotRecord.from_json(read_regular(path))
+        record = dataset.ledger.find(slot.path)
+        if record is None:
+            raise ValueError("it is gone")
     except FAULTS as error:
         return None, [Finding("ledger", f"{name}: cannot be read ({line(error)}); {AGAIN}")]
     cell = slot.cell
@@ -40,19 +57,24 @@ def check_ledger(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotReco
     columns = ("task", "embodiment", "level", "alpha", "domain", "slot", "attempt", "seed")
     rows = [tuple(row.get(column) for column in columns) for row in record.attempts]
     right = rows == wanted and bool(rows or slot.variant)
-    findings = [seen("ledger", right, f"{name}: its attempts are not those of the recipe; delete it and {AGAIN}")]
+    remove = episode if record.accepted else dataset.ledger.file((cell.task, cell.embodiment)).relative_to(dataset.root)
+    said = f"{name}: its attempts are not those of the recipe; remove {remove} and {AGAIN}"
+    findings = [seen("ledger", right, said)]
     if not record.accepted:
         stray = dataset.episode(slot).exists()
-        findings.append(seen("ledger", not stray, f"{name}: gave the slot up, and there is an episode; delete both and {AGAIN}"))
+        findings.append(seen("ledger", not stray, f"{name}: gave the slot up, and there is an episode; remove {episode}"))
     return record, findings
 
 
 def check_strays(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
     """Files below episodes/, failures/ and ledger/ that belong to no slot of the recipe."""
-    slots = list(recipe.slots())
+    slots, ledger = list(recipe.slots()), dataset.ledger
+    entries = {ledger.file(group) for group in product(recipe.tasks, recipe.embodiments)} | set(ledger.journal().segments)
+    if any(ledger.old(group) for group in product(recipe.tasks, recipe.embodiments)):
+        entries |= {ledger.root / f"{slot.path}.json" for slot in slots}
     for folder, known in (
         (dataset.episodes, {dataset.episode(slot) for slot in slots}),
-        (dataset.root / "ledger", {dataset.ledger(slot) for slot in slots}),
+        (ledger.root, entries),
         (dataset.failures, {path for path, _ in dataset.kept_failures(recipe)}),
     ):
         for path in sorted(folder.rglob("*")):
@@ -85,19 +107,19 @@ def check_attempts(dataset: Dataset, recipe: Recipe, finished: bool) -> Iterator
     if not dataset.attempts.exists():
         yield seen("attempts", not finished, f"{name}: is missing; {AGAIN}")
         return
+    wanted = dataset.entries(recipe, ("attempts",)).attempts()
     try:
         check_regular(dataset.attempts)
-        rows = pq.read_table(dataset.attempts, schema=ATTEMPTS).to_pylist()
-        records = [record for slot in recipe.slots() if (record := dataset.record(slot)) is not None]
-        ledger = [row for record in records for row in record.attempts]
-        wanted = pa.Table.from_pylist(ledger, schema=ATTEMPTS).to_pylist()
+        rows = pq.read_table(dataset.attempts, schema=ATTEMPTS)
     except (*FAULTS, pa.ArrowException) as error:
         yield Finding("attempts", f"{name}: cannot be read ({line(error)}); {AGAIN}")
         return
-    texts = [json.dumps(row, sort_keys=True) for row in wanted]
-    given = [json.dumps(row, sort_keys=True) for row in rows]
-    right = given == texts if finished else set(given) <= set(texts)
+    right = rows.equals(wanted) or (not finished and _texts(rows) <= _texts(wanted))
     yield seen("attempts", right, f"{name}: has {len(rows)} rows that are not the {len(wanted)} of the ledger; {AGAIN}")
+
+
+def _texts(table: pa.Table) -> set[str]:
+    return {json.dumps(row, sort_keys=True) for row in table.to_pylist()}
 
 
 def check_provenance(dataset: Dataset, finished: bool) -> Iterator[Finding]:

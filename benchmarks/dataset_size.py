@@ -1,0 +1,146 @@
+"""What 117,600 slots cost a build, its status and its report: the real build, ledger and engine around a fake stage of 1 ms.
+
+    python -m benchmarks.dataset_size [--episodes 112] [--out DIRECTORY] [--ray 4]
+
+35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The stage sleeps, writes an empty file
+in place of an episode and returns an entry with real keys, one to three attempts and eleven assets. Every row of the table is a
+process of its own: seconds by the clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a
+slot beyond the stage. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them begins.
+The report has no films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import pipeline.run.build as building
+from benchmarks.hardware import hardware
+from pipeline.annotate.overlays import annotation_sheet
+from pipeline.data.assets import AssetStore
+from pipeline.data.dataset import Dataset
+from pipeline.data.ledger import FileFacts, SlotRecord
+from pipeline.data.stamps import file_stamp
+from pipeline.report.page import refresh
+from pipeline.run.keys import slot_keys
+from pipeline.run.names import recipe_from
+from pipeline.run.pool import Pool
+from pipeline.run.slot import SlotJob
+
+STAGE = 0.001
+ROBOTS = "aloha-agilex,arx-x5,franka-panda,piper,ur5-wsg"
+ASSETS = 60
+SHA256 = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
+STARTED = ".first"
+
+
+def fake_worker() -> Callable[[SlotJob], SlotRecord]:
+    """The fake stage, in a process that knows its assets."""
+    store, known = None, list[tuple[str, str]]()
+
+    def fill(job: SlotJob) -> SlotRecord:
+        nonlocal store
+        began = time.perf_counter()
+        dataset = Dataset(Path(job.root))
+        if store is None:
+            (dataset.root.parent / STARTED).touch()
+            store = AssetStore(dataset.bodies)
+            keys = [store.put({"x": np.full(8, n)}, {"n": n}) for n in range(ASSETS)]
+            known.extend((key, file_stamp(store.path(key))) for key in keys)
+        time.sleep(STAGE)
+        path, index = dataset.episode(job.slot), job.slot.index
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+        cell = vars(job.slot.cell) | {"slot": index}
+        rows = [
+            cell
+            | {"attempt": n, "seed": job.recipe.spec(job.slot, n).seed, "outcome": "failed", "stage": "dry_run", "conditions": []}
+            | {
+                "reason": "no_motion",
+                "detail": f"workspace {828 + index}, visibility 1, blocked 171",
+                "sim_steps": 0,
+                "seconds": 0.4,
+            }
+            for n in range(1 + index % 3)
+        ]
+        moved = dict.fromkeys(("average_speed", "maximum_speed", "end_speed", "displacement"), 0.05 + 1e-4 * index)
+        rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "sim_steps": 900} | moved
+        facts = FileFacts(0, file_stamp(path), 75, dict(known[(index + n) % ASSETS] for n in range(11)))
+        spent = time.perf_counter() - began
+        return SlotRecord(slot_keys(job.recipe, job.slot), True, SHA256, tuple(rows), {"stage": spent}, file=facts)
+
+    return fill
+
+
+def step(name: str, root: Path, episodes: int) -> dict[str, float]:
+    """One row, in this process."""
+    began = time.time()
+    recipe = recipe_from({"embodiments": ROBOTS.split(","), "domains": ["clean", "randomized"], "episodes": episodes})
+    building.slot_worker = fake_worker
+    first = root.parent / STARTED
+    first.unlink(missing_ok=True)
+    found: dict[str, float] = {}
+    if name in ("build", "resume", "ray 1", "ray 2"):
+        workers = int(name[-1]) if name.startswith("ray") else 1
+        before = len(Dataset(root).entries(recipe, ()).slots) if root.exists() else 0
+        result = building.build(root, recipe, Pool("ray" if name.startswith("ray") else "inline", workers), shown="none")
+        stage = Dataset(root).entries(recipe, ("phases",)).table["phases"].to_pylist()[before:]
+        found["slots"] = result.made
+        found["first job s"] = first.stat().st_mtime - began
+        spent = sum(json.loads(text)["stage"] for text in stage)
+        found["overhead ms"] = 1000 * ((time.time() - first.stat().st_mtime) * workers - spent) / result.made
+    if name == "report":
+        page = refresh(Dataset(root), annotation_sheet)
+        pages = [page, *(page.parent / "tasks").glob("*.html")]
+        found["largest page kB"] = max(p.stat().st_size for p in pages) / 1000
+    found["seconds"] = time.time() - began
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return found | {"processor s": used.ru_utime + used.ru_stime, "memory MB": used.ru_maxrss / 1000}
+
+
+def status(root: Path) -> dict[str, float]:
+    """The command itself, from start to end."""
+    began = time.time()
+    subprocess.run([sys.executable, "-m", "pipeline.cli", "status", root], check=True, stdout=subprocess.DEVNULL)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {"seconds": time.time() - began, "processor s": used.ru_utime + used.ru_stime, "memory MB": used.ru_maxrss / 1000}
+
+
+COLUMNS = ("slots", "seconds", "processor s", "first job s", "overhead ms", "largest page kB", "memory MB")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--episodes", type=int, default=112)
+    parser.add_argument("--ray", type=int, default=4, help="episodes a cell of the builds with Ray")
+    parser.add_argument("--out", type=Path, default=None, help="directory for the datasets, kept afterwards")
+    parser.add_argument("--step", default="")
+    given = parser.parse_args()
+    if given.step:
+        found = status(given.out) if given.step == "status" else step(given.step, given.out, given.episodes)
+        print(json.dumps(found))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        base = given.out or Path(folder)
+        base.mkdir(parents=True, exist_ok=True)
+        rows = [("build", "data", given.episodes), ("status", "data", 0), ("resume", "data", given.episodes + 1)]
+        rows += [("report", "data", given.episodes + 1), ("ray 1", "ray-1", given.ray), ("ray 2", "ray-2", given.ray)]
+        print(hardware())
+        print(f"\n| | {' | '.join(COLUMNS)} |\n|---|{'---:|' * len(COLUMNS)}")
+        for name, place, episodes in rows:
+            command = [sys.executable, "-m", "benchmarks.dataset_size", "--step", name, "--out", base / place]
+            done = subprocess.run([*command, "--episodes", str(episodes)], check=True, stdout=subprocess.PIPE, text=True)
+            found = json.loads(done.stdout.splitlines()[-1])
+            print(f"| {name} | {' | '.join(f'{found[c]:.6g}' if c in found else '' for c in COLUMNS)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

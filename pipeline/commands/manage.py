@@ -1,0 +1,80 @@
+"""diff, regenerate, merge, gc: datasets compared, proved, joined and cleaned."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.common import AsJson, Root, say
+from pipeline.data.dataset import Dataset
+
+SHOWN = 40
+"""Lines of a list that are printed for a person; --json prints all."""
+
+
+def diff(
+    a: Annotated[Path, typer.Argument(help="A dataset directory.", metavar="A")],
+    b: Annotated[Path, typer.Argument(help="Another one.", metavar="B")],
+    as_json: AsJson = False,
+) -> None:
+    """Say which slots of two datasets differ and why; exit code 1 when some do."""
+    from pipeline.run.diff import Difference
+    from pipeline.run.diff import diff as run_diff
+
+    values = run_diff(Dataset(a), Dataset(b))
+    lines = [f"recipe: {change}" for change in values["recipes"]]
+    lines += [Difference(**d).said() for d in values["differ"][:SHOWN]]
+    lines += [f"and {len(values['differ']) - SHOWN} more (--json prints all)"] if len(values["differ"]) > SHOWN else []
+    lines += [f"{count} slots: {reason}" for reason, count in values["why"].items()]
+    lines.append(f"{values['same']} slots are the same, {len(values['differ'])} differ")
+    say(values, as_json, "\n".join(lines))
+    if values["differ"]:
+        raise typer.Exit(1)
+
+
+def regenerate(
+    dataset: Root,
+    episode: Annotated[str, typer.Option(help="The episode: its path below DATASET/episodes.", show_default=False)],
+    as_json: AsJson = False,
+) -> None:
+    """Make one episode again, elsewhere, and compare its bytes with the stored ones; exit code 1 when they differ."""
+    from pipeline.run.regenerate import regenerate as run_regenerate
+
+    made = run_regenerate(Dataset(dataset), episode)
+    said = f"{made.slot}: made again, the same bytes (sha256 {made.made[:16]}...)"
+    if not made.same:
+        why = f"; changed since it was made: {', '.join(made.changed)}" if made.changed else "; its keys are the same"
+        said = f"{made.slot}: made again, other bytes: {', '.join(made.differ) or 'how they are laid out'}{why}"
+    say(asdict(made), as_json, said)
+    if not made.same:
+        raise typer.Exit(1)
+
+
+def merge(
+    datasets: Annotated[list[Path], typer.Argument(help="Two or more dataset directories of one recipe.", metavar="A B")],
+    out: Annotated[Path, typer.Option(help="Directory of the new dataset; the same command again goes on where it stopped.")],
+    as_json: AsJson = False,
+) -> None:
+    """Join datasets of one recipe and one version of the code."""
+    from pipeline.run.merge import merge as run_merge
+
+    merged = run_merge([Dataset(path) for path in datasets], Dataset(out))
+    parts = ", ".join(f"{count} from {path}" for count, path in zip(merged.taken, datasets, strict=True))
+    say(asdict(merged), as_json, f"{merged.accepted} of {merged.slots} episodes in {out} ({merged.given_up} given up; {parts})")
+
+
+def gc(
+    dataset: Root,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Remove episodes of no slot, annotations of no episode, assets of no episode, and what was left half-written."""
+    from pipeline.run.gc import collect
+
+    found = collect(Dataset(dataset), dry_run)
+    lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
+    lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
+    size = sum(orphan.size for orphan in found) / 1e6
+    lines.append(f"{len(found)} files, {size:.1f} MB, {'would be' if dry_run else 'were'} removed")
+    say({"removed": not dry_run, "files": [asdict(orphan) for orphan in found]}, as_json, "\n".join(lines))

@@ -1,0 +1,318 @@
+"""The ledger of a dataset on disk: which slots are finished, and everything that is known of them.
+
+    ledger/<task>/<embodiment>.parquet    every entry of a task and a robot, sorted by cell, slot and variant (ledger_table.py)
+    ledger/journal/0000000017.jsonl       entries that came after those files were written, one canonical JSON a line
+
+The process that drives a build is the only one that writes here. Workers return entries; the driver writes them as they come, each
+time in a new segment of the journal. Segments and files appear whole, by rename, and are never appended to, so that a process
+killed at any moment leaves whole entries only, and a store of objects that cannot be appended to can hold them as well. Entries
+that come faster than they can be written, at a fifth of the driver's time, wait for one another and share a segment: killing the
+driver loses at most those, and their slots are made again to the same bytes. `compact` moves the journal into the sorted files:
+when the journal has grown to a 16th of them, when a build ends, and when the next one begins. It writes the files before it deletes
+segments, oldest first, and an entry of a later segment replaces one of an earlier segment or of a file; so it can be repeated from
+wherever it was stopped. What is left in the end depends on the entries alone, not on how many workers made them, in which order, or
+how often the build was stopped: but for what was measured (seconds and stamps), the same entries give the same bytes.
+
+A reader takes the journal first and the files second, and so misses nothing that a compaction moves in between. A damaged file
+counts as no entries, a damaged line of the journal as none: their slots are made again. Older versions wrote a file for every slot
+(ledger/<slot>.json): those are read where nothing newer is there, and moved by the next compaction.
+"""
+
+import re
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow.compute import call_function
+
+from pipeline.data.atomic import remove, write_atomic
+from pipeline.data.keys import canonical
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger_table import PLACE, SCHEMA, cell_of, decoded, encoded, place_of, record_of, slot_of, table_of
+from pipeline.data.reading import IRREGULAR, parse_json, read_regular
+from pipeline.data.recipe import DEFAULT_ALPHA, Slot
+
+NO_RECORD = (ValueError, TypeError, AttributeError, KeyError)
+"""What reading an entry raises that is none."""
+
+FEWEST, SHARE = 2048, 16
+"""The journal is moved into the files when it has so many entries, and a 16th of theirs."""
+
+IDLE = 4.0
+"""The driver waits so many times as long as the last segment took to write before it writes the next."""
+
+_PATH = re.compile(r"[^/]+/[^/]+/L(\d)(?:@([0-9.e+-]+))?/(clean|randomized)/episode_(\d{7,8})(?:_v([1-9]\d*))?")
+
+type Group = tuple[str, str]
+"""A task and a robot, whose entries are one file."""
+
+
+class DamagedLedger(ValueError):
+    """A file of the ledger that cannot be decoded."""
+
+
+@dataclass
+class Journal:
+    """Entries that are not in the files yet, by task and robot; one line for each that cannot be read; the segments they are in."""
+
+    entries: dict[Group, dict[Slot, SlotRecord]] = field(default_factory=lambda: defaultdict(dict))
+    problems: list[str] = field(default_factory=list)
+    segments: list[Path] = field(default_factory=list)
+
+
+class Ledger:
+    """The ledger below a directory. Nothing is kept between two calls: what is read is what is there."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = Path(root)
+
+    def file(self, group: Group) -> Path:
+        """The file of a task and a robot."""
+        return self.root / group[0] / f"{group[1]}.parquet"
+
+    @property
+    def segments(self) -> Path:
+        """The directory of the journal."""
+        return self.root / "journal"
+
+    def groups(self) -> list[Group]:
+        """Tasks and robots that have a file, or entries of the old layout or of the journal, sorted."""
+        files = {(p.parent.name, p.stem) for p in self.root.glob("*/*.parquet")}
+        old = {(p.parent.name, p.name) for p in self.root.glob("*/*") if p.is_dir() and p.suffix != ".parquet"}
+        return sorted(files | {group for group in old if self.old(group)} | set(self.journal().entries))
+
+    def journal(self) -> Journal:
+        """What the journal holds now, the latest entry of every slot. Raises OSError for a segment that cannot be read."""
+        found = Journal(segments=_numbered(self.segments))
+        for path in list(found.segments):
+            try:
+                lines = read_regular(path).splitlines()
+            except FileNotFoundError:
+                found.segments.remove(path)  # moved into the files meanwhile
+                continue
+            for number, line in enumerate(lines, 1):
+                try:
+                    slot, record = _entry(line)
+                except NO_RECORD as error:
+                    why = " ".join(str(error).split())[:200]
+                    found.problems.append(f"journal/{path.name}: line {number} cannot be read ({why})")
+                else:
+                    found.entries[group_of(slot)][slot] = record
+        return found
+
+    def table(self, group: Group, journal: Journal | None = None, columns: Sequence[str] | None = None) -> pa.Table:
+        """The rows of a task and a robot as they are now; of a damaged file none. Raises OSError where it cannot be read."""
+        journal = journal or self.journal()
+        newer = journal.entries.get(group, {})
+        try:
+            base = self.stored(group, columns)
+        except DamagedLedger:
+            base = SCHEMA.empty_table() if columns is None else SCHEMA.empty_table().select(list(columns))
+        older = self.old(group)
+        if not newer and not older:
+            return base
+        places = list(zip(*(base[name].to_pylist() for name in PLACE), strict=True)) if len(base) else []
+        known = set(places)
+        replaced = {place_of(slot) for slot in newer}
+        kept = base.filter(pa.array([place not in replaced for place in places], pa.bool_())) if places else base
+        added = {slot: record for slot, record in map(_read_old, older.items()) if record and place_of(slot) not in known} | newer
+        more = table_of(added.items())
+        return pa.concat_tables([kept, more if columns is None else more.select(list(columns))])
+
+    def old(self, group: Group) -> dict[Slot, Path]:
+        """Entries of the old layout, a file for every slot; alpha as the path has it, to six digits."""
+        folder, found = self.root / group[0] / group[1], dict[Slot, Path]()
+        if folder.is_dir():
+            for path in sorted(folder.rglob("*.json")):
+                match = _PATH.fullmatch(path.relative_to(self.root).with_suffix("").as_posix())
+                if match:
+                    level, alpha, domain, index, variant = match.groups()
+                    cell = cell_of(*group, int(level), float(alpha) if alpha else DEFAULT_ALPHA, domain)
+                    slot = Slot(cell, int(index), int(variant or 0))
+                    if path == self.root / f"{slot.path}.json":
+                        found[slot] = path
+        return found
+
+    def stored(self, group: Group, columns: Sequence[str] | None = None) -> pa.Table:
+        """The rows of a file. Raises DamagedLedger for one that cannot be decoded, OSError where the disk refuses."""
+        wanted = None if columns is None else list(columns)
+        try:
+            return decoded(read_regular(self.file(group)), wanted)
+        except FileNotFoundError:
+            empty = SCHEMA.empty_table()
+            return empty if wanted is None else empty.select(wanted)
+        except (pa.ArrowException, *NO_RECORD) as error:
+            raise DamagedLedger(" ".join(str(error).split())[:200]) from error
+        except OSError as error:
+            # what is no file, and what the decoder says of a damaged page: it raises OSError without a number for that
+            if error.strerror == IRREGULAR or error.errno is None:
+                raise DamagedLedger(" ".join((error.strerror or str(error)).split())[:200]) from error
+            raise
+
+    def record(self, path: str) -> SlotRecord | None:
+        """As `find`, None for an entry that is damaged, or in a damaged file."""
+        try:
+            return self.find(path)
+        except NO_RECORD:
+            return None
+
+    def find(self, path: str) -> SlotRecord | None:
+        """The entry of the slot with this path, or None where there is none. For many slots, read a table. Raises what NO_RECORD
+        names for a damaged one, OSError where the disk refuses."""
+        if not _PATH.fullmatch(path):
+            return None
+        task, robot, *_, name = path.split("/")
+        newer = self.journal().entries.get((task, robot), {})
+        for slot, record in newer.items():
+            if slot.path == path:
+                return record
+        table = self.stored((task, robot))
+        index = int(name.removeprefix("episode_").partition("_")[0])
+        for row in table.filter(call_function("equal", [table["slot"], index])).to_pylist():
+            if slot_of(row).path == path:
+                return record_of(row)
+        return _old(self.root / f"{path}.json")
+
+    def entries(self) -> Iterator[tuple[Slot, SlotRecord]]:
+        """Every entry that can be read, whatever the recipe."""
+        journal = self.journal()
+        for group in self.groups():
+            yield from records_of(self.table(group, journal))
+
+    def next_segment(self) -> int:
+        """The number of the next segment of the journal."""
+        there = _numbered(self.segments)
+        return int(there[-1].stem) + 1 if there else 0
+
+    def add(self, entries: Iterable[tuple[Slot, SlotRecord]], number: int | None = None) -> None:
+        """Write entries as one new segment of the journal. Raises OSError where the disk refuses."""
+        path = self.segments / f"{self.next_segment() if number is None else number:010d}.jsonl"
+        write_atomic(path, b"".join(line_of(slot, record) for slot, record in entries))
+
+    def compact(self) -> int:
+        """Move the journal, and entries of the old layout, into the files; how many entries these hold then, of the tasks and
+        robots that changed. Raises OSError where the disk refuses."""
+        journal, rows = self.journal(), 0
+        old = {group: self.old(group) for group in self.groups()}
+        for group in sorted({*journal.entries, *(group for group, found in old.items() if found)}):
+            table, path = self.table(group, journal), self.file(group)
+            if path.is_dir():
+                remove(path)
+            write_atomic(path, encoded(table))
+            rows += len(table)
+        for segment in journal.segments:
+            remove(segment)
+        if journal.segments:
+            with suppress(OSError):  # another process has written a segment meanwhile
+                self.segments.rmdir()
+        for group, found in old.items():
+            for path in found.values():
+                remove(path)
+            _remove_empty(self.root / group[0] / group[1])
+        return rows
+
+
+class LedgerWriter:
+    """Writes entries as they come; the driver of a build has one."""
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
+        self._waiting: list[tuple[Slot, SlotRecord]] = []
+        self._number, self._free_at = ledger.next_segment(), 0.0
+        self._count, self._most = 0, FEWEST
+
+    def add(self, slot: Slot, record: SlotRecord) -> None:
+        """Write an entry, at once unless the last one was written just now. Raises OSError where the disk refuses."""
+        self._waiting.append((slot, record))
+        if time.monotonic() >= self._free_at:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits."""
+        if not self._waiting:
+            return
+        began = time.monotonic()
+        self._ledger.add(self._waiting, self._number)
+        self._number += 1
+        self._count += len(self._waiting)
+        self._waiting = []
+        ended = time.monotonic()
+        self._free_at = ended + IDLE * (ended - began)
+        if self._count >= self._most:
+            self._most = max(FEWEST, self._ledger.compact() // SHARE)
+            self._count = 0
+
+    def close(self) -> None:
+        """Write what waits, and move the journal into the files."""
+        self.flush()
+        self._ledger.compact()
+
+
+def group_of(slot: Slot) -> Group:
+    """The task and the robot of a slot."""
+    return slot.cell.task, slot.cell.embodiment
+
+
+def records_of(table: pa.Table) -> Iterator[tuple[Slot, SlotRecord]]:
+    """The entries of a table in its order, without rows that are none."""
+    for batch in table.to_batches(max_chunksize=1024):
+        for row in batch.to_pylist():
+            with suppress(*NO_RECORD):
+                yield slot_of(row), record_of(row)
+
+
+def line_of(slot: Slot, record: SlotRecord) -> bytes:
+    """An entry as a line of the journal."""
+    place = canonical(dict(zip(PLACE, place_of(slot), strict=True)))
+    return b'{"place":' + place + b',"record":' + record.to_json() + b"}\n"
+
+
+def _entry(line: bytes) -> tuple[Slot, SlotRecord]:
+    """Inverse of `line_of`. Raises what NO_RECORD names for a line that is none."""
+    values = parse_json(line)
+    return slot_of(values["place"]), SlotRecord.from_values(values["record"])
+
+
+def _numbered(directory: Path) -> list[Path]:
+    """Segments in the order in which they were written."""
+    return sorted(p for p in directory.glob("*.jsonl") if p.stem.isdecimal())
+
+
+def _read_old(entry: tuple[Slot, Path]) -> tuple[Slot, SlotRecord | None]:
+    """An entry of the old layout, whose path has six digits of alpha, with alpha as its attempts have it."""
+    slot, path = entry
+    record = _old(path)
+    alpha = record.attempts[0].get("alpha") if record and record.attempts else None
+    if isinstance(alpha, float):
+        exact = replace(slot, cell=replace(slot.cell, alpha=alpha))
+        slot = exact if exact.path == slot.path else slot
+    return slot, record
+
+
+def _old(path: Path) -> SlotRecord | None:
+    """An entry of the old layout, None where there is none or it is damaged."""
+    try:
+        return SlotRecord.from_json(read_regular(path))
+    except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
+        return None
+    except OSError as error:
+        if error.strerror == IRREGULAR:
+            return None
+        raise
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a directory tree of the old layout as far as nothing is in it."""
+    if folder.is_dir():
+        for path in sorted(folder.rglob("*"), reverse=True):
+            if path.suffix == ".running":
+                path.unlink()
+            if path.is_dir():
+                with suppress(OSError):
+                    path.rmdir()
+        with suppress(OSError):
+            folder.rmdir()

@@ -1,0 +1,93 @@
+"""`domino-data diff A B`: which slots of two datasets differ, and why. Reads both ledgers and lists both directories."""
+
+from collections import Counter
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.entries import Files
+from pipeline.data.growth import differences
+from pipeline.data.ledger_files import NO_RECORD
+from pipeline.data.ledger_table import unpack_keys
+from pipeline.data.recipe import Recipe, Slot
+
+MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its episode is gone", "other bytes, same keys"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A slot that differs: what it is in each dataset, and the parts of its keys that differ, as physics.core or render.shaders."""
+
+    slot: str
+    a: str
+    b: str
+    parts: tuple[str, ...] = ()
+
+    def said(self) -> str:
+        """One line."""
+        why = f"other {', '.join(self.parts)}" if self.parts else ""
+        return f"{self.slot}: {why or (self.a if self.a == self.b else f'{self.a} in A, {self.b} in B')}"
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What a dataset has of a slot."""
+
+    accepted: bool
+    sha256: str
+    keys: str
+    there: bool
+
+
+def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
+    """{"same": slots that are finished alike in both, "differ": [Difference as a mapping], "why": {reason: slots}, "recipes": keys
+    of the recipes that differ}. Raises DatasetError for a directory that is no dataset."""
+    recipes = a.recipe(), b.recipe()
+    sides = [_sides(dataset, recipe) for dataset, recipe in zip((a, b), recipes, strict=True)]
+    slots = dict.fromkeys((*recipes[0].slots(), *recipes[1].slots()))
+    found = {slot: d for slot in slots if (d := _difference(slot, sides[0].get(slot), sides[1].get(slot)))}
+    why = Counter(d.said().partition(": ")[2] for d in found.values())
+    return {
+        "same": sum(slot in sides[0] and slot in sides[1] and slot not in found for slot in slots),
+        "differ": [asdict(d) for d in found.values()],
+        "why": dict(why.most_common()),
+        "recipes": differences(*recipes),
+    }
+
+
+def _sides(dataset: Dataset, recipe: Recipe) -> dict[Slot, _Side]:
+    entries, files = dataset.entries(recipe, ("keys",)), Files(dataset.episodes)
+    rows = zip(entries.slots, entries.accepted, *(entries.table[n].to_pylist() for n in ("sha256", "keys")), strict=True)
+    return {slot: _Side(accepted, sha, keys, files.there(slot)) for slot, accepted, sha, keys in rows}
+
+
+def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | None:
+    """What differs of a slot; None where nothing does, or neither dataset has it."""
+    if a is None or b is None:
+        return None if a is b else Difference(slot.path, _state(a), _state(b))
+    lost = a.accepted > a.there or b.accepted > b.there
+    if a.accepted != b.accepted or lost:
+        return Difference(slot.path, _state(a), _state(b), _parts(slot, a, b))
+    if a.keys != b.keys or a.sha256 != b.sha256:
+        parts = _parts(slot, a, b)
+        # an episode that was made from another state log, or by a damaged installation, has other bytes with the same keys
+        return Difference(slot.path, "" if parts else BYTES, "" if parts else BYTES, parts)
+    return None
+
+
+def _state(side: _Side | None) -> str:
+    if side is None:
+        return MISSING
+    if not side.accepted:
+        return GIVEN_UP
+    return "is there" if side.there else LOST
+
+
+def _parts(slot: Slot, a: _Side, b: _Side) -> tuple[str, ...]:
+    """Parts of the keys that differ; not those that only follow from other parts."""
+    try:
+        first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
+    except NO_RECORD:
+        return ("keys, which cannot be read",)
+    names = [f"{kind}.{part}" for kind in vars(first) for part in getattr(first, kind).changed(getattr(second, kind))]
+    return tuple(name for name in names if name not in ("render.physics", "language.physics"))

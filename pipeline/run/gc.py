@@ -1,0 +1,89 @@
+"""`domino-data gc`: removes what belongs to nothing any more. Only files that the factory itself writes; strays are the user's."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.data.atomic import remove, sweep
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.episode import EpisodeError, EpisodeFile
+from pipeline.data.recipe import Recipe
+
+HALF = "half-written"
+_EPISODE = re.compile(r"episode_\d{7,8}(_v\d+)?")
+_ASSET = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True)
+class Orphan:
+    """A file that belongs to nothing, relative to the dataset, why, and its bytes."""
+
+    path: str
+    why: str
+    size: int
+
+
+def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
+    """Remove, or only list, episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and what
+    dead processes of this machine left half-written.
+
+    An episode of the recipe without a ledger entry stays: a build that goes on writes both anew. Raises DatasetError for a dataset
+    that a build is at work in, OSError where the disk refuses.
+    """
+    recipe = dataset.recipe()
+    if any((dataset.ledger.root / "running").glob("*.running")):
+        raise DatasetError(f"{dataset.root}: a build is at work in it, or was killed: run it to its end first")
+    found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
+    if not dry_run:
+        sweep(dataset.root)
+        for orphan in found:
+            if orphan.why != HALF:  # only those whose process is gone
+                remove(dataset.root / orphan.path)
+        for folder in ("episodes", "annotations", "assets/bodies"):
+            _remove_empty(dataset.root / folder)
+    return found
+
+
+def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
+    def orphan(path: Path, why: str) -> Orphan:
+        return Orphan(path.relative_to(dataset.root).as_posix(), why, path.lstat().st_size)
+
+    wanted = {f"{slot.path}.hdf5" for slot in recipe.slots()}
+    held = set[str]()
+    for path in dataset.episodes.rglob("*.hdf5"):
+        name = path.relative_to(dataset.episodes).as_posix()
+        if name in wanted:
+            held.add(name)
+        elif _EPISODE.fullmatch(path.stem):
+            yield orphan(path, "episode of no slot")
+    for stage in (dataset.root / "annotations").glob("*@*"):
+        for path in stage.rglob("*.h5"):
+            if path.relative_to(stage).with_suffix(".hdf5").as_posix() not in held and _EPISODE.fullmatch(path.stem):
+                yield orphan(path, "annotation of no episode")
+    named = _named(dataset, recipe, held)
+    for path in dataset.bodies.glob("[0-9a-f][0-9a-f]/*.npz"):
+        if named is not None and path.stem not in named and _ASSET.fullmatch(path.stem):
+            yield orphan(path, "asset of no episode")
+    for path in dataset.root.glob("**/.*.tmp"):
+        yield orphan(path, HALF)
+
+
+def _named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
+    """The assets that episodes name; None where one cannot be asked, so that no asset can be called orphaned."""
+    entries = dataset.entries(recipe, ("assets",))
+    named = set(entries.table["assets"].combine_chunks().flatten().to_pylist())
+    known = {f"{slot.path}.hdf5" for slot, assets in zip(entries.slots, entries.table["assets"].to_pylist(), strict=True) if assets}
+    for name in held - known:
+        try:
+            with EpisodeFile(dataset.episodes / name) as file:
+                named |= set(file.meta.drawing.assets.values())
+        except (EpisodeError, OSError, KeyError, ValueError):
+            return None
+    return named
+
+
+def _remove_empty(folder: Path) -> None:
+    for path in sorted((p for p in folder.rglob("*") if p.is_dir()), reverse=True):
+        if not any(path.iterdir()):
+            path.rmdir()

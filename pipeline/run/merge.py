@@ -1,0 +1,188 @@
+"""`domino-data merge A B --out C`: one dataset of the episodes of two, made of one recipe by one version of the code."""
+
+import json
+import os
+import shutil
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.annotate.overlays import annotation_sheet
+from pipeline.data.atomic import temporary_name, write_atomic
+from pipeline.data.dataset import CHANGED, Dataset, DatasetError
+from pipeline.data.growth import differences, left_out
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.ledger_files import LedgerWriter
+from pipeline.data.ledger_table import pack_keys
+from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.stamps import file_stamp
+from pipeline.report.page import refresh
+
+SHARED = (("physics", "core"), ("render", "renderer"), ("render", "shaders"))
+"""Parts of the keys that are the same for every slot of one version of the code."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Slots wanted, accepted and given up in the result; how many came from each dataset, slots of both counted for the first."""
+
+    slots: int
+    accepted: int
+    given_up: int
+    taken: tuple[int, ...]
+
+
+def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
+    """Join datasets into `out`, or go on doing so. Episodes, assets and annotations are hard links where the file system can make
+    them, copies elsewhere. Exports are not taken over: export the result.
+
+    The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
+    DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
+    and for an episode whose bytes are not its ledger's; OSError where the disk refuses.
+    """
+    if len(sources) < 2:
+        raise DatasetError("merge joins two datasets or more: name another one")
+    for source in sources:
+        here, there = source.root.resolve(), out.root.resolve()
+        if here.is_relative_to(there) or there.is_relative_to(here):
+            raise DatasetError(f"--out {out.root} is one of the datasets, within one or around it: name another directory")
+    recipes = [source.recipe() for source in sources]
+    recipe = _joined(sources, recipes)
+    held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]
+    _check_keys(sources, held)
+    out.create(recipe)
+    ledger, known, taken = LedgerWriter(out.ledger), dict(out.records(recipe)), [0] * len(sources)
+    try:
+        for slot in recipe.slots():
+            number = next((n for n, records in enumerate(held) if slot in records), None)
+            if number is None:
+                continue
+            taken[number] += 1
+            record = held[number][slot]
+            if known.get(slot) != record:
+                _take(sources[number], out, slot, record)
+                ledger.add(slot, record)
+    finally:
+        ledger.close()
+    for source in sources:
+        _link_tree(source.assets, out.assets)
+        _take_annotations(source, out)
+    out.write_attempts(recipe)
+    write_atomic(out.provenance, json.dumps(_provenance(sources), indent=2, sort_keys=True).encode())
+    refresh(out, annotation_sheet)
+    accepted = out.present(out.entries(recipe, ())).accepted
+    wanted = sum(recipe.counts().values()) * recipe.variants
+    return Merged(wanted, sum(accepted), len(accepted) - sum(accepted), tuple(taken))
+
+
+def _joined(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
+    """The recipe that wants the slots of all recipes."""
+    first = recipes[0]
+    for source, other in zip(sources[1:], recipes[1:], strict=True):
+        if changed := differences(first, other):
+            raise DatasetError(f"{sources[0].root} and {source.root} are of different recipes: {'; '.join(changed)}")
+    if all(other == first for other in recipes):
+        return first
+    update: dict[str, Any] = {
+        key: tuple(dict.fromkeys(value for recipe in recipes for value in getattr(recipe, key)))
+        for key in ("tasks", "embodiments", "levels", "domains", "alpha")
+    }
+    update |= {"robot_meshes": {k: v for recipe in recipes for k, v in recipe.robot_meshes.items()}}
+    update |= {"episodes": _most(recipes), "variants": max(recipe.variants for recipe in recipes)}
+    joined = first.model_copy(update=update)
+    for source, recipe in zip(sources, recipes, strict=True):
+        if more := left_out(recipe, joined):
+            raise DatasetError(f"{source.root} wants what no joined recipe can: {'; '.join(more)}")
+    return joined
+
+
+def _most(recipes: Sequence[Recipe]) -> Any:
+    """The largest number of episodes, by domain where one recipe counts by domain."""
+    values = [recipe.episodes for recipe in recipes]
+    if all(isinstance(value, int) for value in values):
+        return max(value for value in values if isinstance(value, int))
+    counts: dict[str, int] = defaultdict(int)
+    for recipe, value in zip(recipes, values, strict=True):
+        for domain, count in (dict.fromkeys(recipe.domains, value) if isinstance(value, int) else value).items():
+            counts[domain] = max(counts[domain], count)
+    return dict(counts)
+
+
+def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]]) -> None:
+    """Raise DatasetError for slots that the datasets have differently, or that another version of the code made."""
+    first: dict[tuple[str, str], tuple[str, Dataset]] = {}
+    of_cell: dict[tuple[object, int], tuple[str, Dataset]] = {}
+    for source, records in zip(sources, held, strict=True):
+        for slot, record in records.items():
+            for kind, part in SHARED:
+                value = getattr(record.keys, kind).parts.get(part, "")
+                seen, where = first.setdefault((kind, part), (value, source))
+                if seen != value:
+                    raise DatasetError(
+                        f"{where.root} and {source.root} were made by different versions of the code ({kind}: {part}, at "
+                        f"{slot.path}): build one of them again first"
+                    )
+            text = pack_keys(slot, record.keys)
+            seen, where = of_cell.setdefault((slot.cell, slot.variant), (text, source))
+            if seen != text:
+                raise DatasetError(
+                    f"{where.root} and {source.root} have other keys in {slot.cell.path}: `domino-data diff` says which; "
+                    "build one of them again first"
+                )
+    for slot, record in held[0].items():
+        for source, records in zip(sources[1:], held[1:], strict=True):
+            if slot in records and records[slot].sha256 != record.sha256:
+                raise DatasetError(f"{sources[0].root} and {source.root} both have {slot.path}, with other bytes: verify both")
+
+
+def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
+    """Link or copy the episode of a slot."""
+    if not record.accepted:
+        return
+    path = source.episode(slot)
+    if (not record.file.stamp or record.file.stamp != file_stamp(path)) and not source.intact(slot, record):
+        raise DatasetError(f"{path}: {CHANGED}")
+    _link(path, out.episode(slot))
+
+
+def _take_annotations(source: Dataset, out: Dataset) -> None:
+    """Annotations of episodes that the result has; those of one stage and its parameters are in one directory in both."""
+    for stage in sorted((source.root / "annotations").glob("*@*")):
+        there = out.root / "annotations" / stage.name
+        for path in sorted(stage.rglob("*")):
+            relative = path.relative_to(stage)
+            episode = out.episodes / relative.with_suffix(".hdf5")
+            if path.is_file() and (relative.name == "stage.json" or (path.suffix == ".h5" and episode.exists())):
+                _link(path, there / relative)
+
+
+def _link_tree(source: Path, out: Path) -> None:
+    for path in sorted(source.rglob("*")):
+        if path.is_file() and not path.name.endswith(".tmp"):
+            _link(path, out / path.relative_to(source))
+
+
+def _link(path: Path, to: Path) -> None:
+    """A hard link, or a copy that keeps the time of the last change, which appears whole; what is there already is replaced unless
+    it is the same file."""
+    if to.exists() and (os.path.samefile(path, to) or file_stamp(path) == file_stamp(to)):
+        return
+    to.parent.mkdir(parents=True, exist_ok=True)
+    temporary = temporary_name(to)
+    temporary.unlink(missing_ok=True)
+    try:
+        try:
+            os.link(path, temporary)
+        except OSError:  # another file system, or one without hard links
+            shutil.copy2(path, temporary)
+        os.replace(temporary, to)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _provenance(sources: Sequence[Dataset]) -> dict[str, Any]:
+    """What made the datasets: the same for all, or that of the first with all of them beside it."""
+    made = [source.made_by() for source in sources]
+    return made[0] if all(each == made[0] for each in made) else made[0] | {"merged_from": made}

@@ -1,0 +1,192 @@
+"""diff, merge and gc on synthetic datasets, regenerate on a built one."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import h5py
+import pytest
+
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.ledger import FileFacts, SlotRecord
+from pipeline.data.recipe import parse_recipe
+from pipeline.data.stamps import file_stamp
+from pipeline.run.diff import diff
+from pipeline.run.gc import collect
+from pipeline.run.merge import merge
+from pipeline.run.regenerate import find_slot
+from tests.run.test_build import command
+from tests.synthetic import make_episode
+
+RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 3})
+KEYS = SlotKeys(Key({"core": "1"}), Key({"renderer": "2"}), Key({"phrases": "3"}))
+ASSET = "ab" + "0" * 30
+
+
+def record_of(dataset, slot, keys=KEYS):
+    path = dataset.episode(slot)
+    row = {"seed": dataset.recipe().spec(slot, 0).seed, "attempt": 0, "outcome": "accepted", "seconds": 1.0, "sim_steps": 8}
+    file = FileFacts(path.stat().st_size, file_stamp(path), 3, {ASSET: "1-1"})
+    return SlotRecord(keys, True, file_hash(path), (row | {"stage": "", "reason": ""},), {}, file=file)
+
+
+def made(root, numbers, recipe=RECIPE):
+    """A dataset with some of the episodes of its recipe, by their place in it."""
+    dataset = Dataset(root)
+    dataset.create(recipe)
+    for number, slot in enumerate(recipe.slots()):
+        if number in numbers:
+            cell = slot.cell
+            make_episode(dataset.episode(slot), task=cell.task, level=cell.level, slot=slot.index, seed=number, frames=3)
+            dataset.ledger.add([(slot, record_of(dataset, slot))])
+    asset = dataset.bodies / ASSET[:2] / f"{ASSET}.npz"
+    asset.parent.mkdir(parents=True)
+    asset.write_bytes(b"asset")
+    dataset.ledger.compact()
+    return dataset
+
+
+def everything(root):
+    return {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
+
+
+# --- diff -------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_dataset_does_not_differ_from_its_copy(tmp_path, capsys, monkeypatch):
+    a = made(tmp_path / "a", {0, 1, 2})
+    shutil.copytree(a.root, tmp_path / "b")
+    assert diff(a, Dataset(tmp_path / "b")) == {"same": 3, "differ": [], "why": {}, "recipes": []}
+    code, out, err = command(capsys, monkeypatch, "diff", a.root, tmp_path / "b")
+    assert (code, out.strip(), err) == (0, "3 slots are the same, 0 differ", "")
+
+
+def test_what_differs_is_named_with_its_reason(tmp_path, capsys, monkeypatch):
+    a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0, 1})
+    first, second, third = RECIPE.slots()
+    other = replace(KEYS, physics=Key({"core": "9"}), render=Key({"renderer": "2", "shaders": "x"}))
+    b.ledger.add([(first, record_of(b, first, other))])
+    with h5py.File(b.episode(second), "r+") as file:
+        file.attrs["touched"] = 1
+    b.ledger.add([(second, record_of(b, second))])
+    found = diff(a, b)
+    assert (found["same"], [d["slot"] for d in found["differ"]]) == (0, [first.path, second.path, third.path])
+    assert found["differ"][0]["parts"] == ("physics.core", "render.shaders")
+    assert found["why"] == {
+        "other physics.core, render.shaders": 1,
+        "other bytes, same keys": 1,
+        "is there in A, is not finished in B": 1,
+    }
+    a.episode(third).unlink()
+    assert diff(a, b)["differ"][2]["a"] == "is finished, and its episode is gone"
+    code, out, _ = command(capsys, monkeypatch, "diff", a.root, b.root, "--json")
+    assert (code, len(json.loads(out)["differ"])) == (1, 3)
+
+
+# --- merge ------------------------------------------------------------------------------------------------------------------
+
+
+def test_parts_of_one_recipe_are_joined_by_hard_links(tmp_path):
+    a, b, out = made(tmp_path / "a", {0}), made(tmp_path / "b", {1, 2}), Dataset(tmp_path / "c")
+    note = b.root / "annotations" / "flow@12345678" / f"{list(RECIPE.slots())[1].path}.h5"
+    note.parent.mkdir(parents=True)
+    note.write_bytes(b"flow")
+    for _ in range(2):  # again, it changes nothing
+        merged = merge([a, b], out)
+        assert (merged.slots, merged.accepted, merged.given_up, merged.taken) == (3, 3, 0, (1, 2))
+        for number, slot in enumerate(RECIPE.slots()):
+            source = b if number else a
+            assert out.episode(slot).stat().st_ino == source.episode(slot).stat().st_ino
+            assert out.record(slot) == source.record(slot)
+    assert {ASSET} == {p.stem for p in out.bodies.glob("*/*.npz")}
+    assert (out.root / note.relative_to(b.root)).read_bytes() == b"flow"
+    assert diff(out, a)["same"] == 1 and out.report.exists() and len(out.accepted(RECIPE)) == 3
+
+
+def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
+    high = RECIPE.model_copy(update={"levels": (2,), "episodes": 2})
+    out = Dataset(tmp_path / "c")
+    merged = merge([made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0, 1}, high)], out)
+    assert (merged.slots, merged.accepted, merged.taken) == (6, 5, (3, 2))
+    assert (out.recipe().levels, out.recipe().episodes) == ((1, 2), 3)
+
+
+@pytest.mark.parametrize("fault", ["recipe", "code", "bytes", "damaged"])
+def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault, capsys, monkeypatch):
+    other = RECIPE.model_copy(update={"seed": 3}) if fault == "recipe" else RECIPE
+    a, b = made(tmp_path / "a", {0, 1}), made(tmp_path / "b", {1, 2}, other)
+    _, second, third = RECIPE.slots()
+    if fault == "code":
+        b.ledger.add([(third, record_of(b, third, replace(KEYS, physics=Key({"core": "9"}))))])
+    if fault in ("bytes", "damaged"):
+        with h5py.File(b.episode(third if fault == "damaged" else second), "r+") as file:
+            file.attrs["touched"] = 1
+    if fault == "bytes":
+        b.ledger.add([(second, record_of(b, second))])
+    code, out, err = command(capsys, monkeypatch, "merge", a.root, b.root, "--out", tmp_path / "c")
+    said = {"recipe": "seed is 0 there, not 3", "code": "physics: core", "bytes": "with other bytes", "damaged": "bytes differ"}
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said[fault] in err
+    assert not list((tmp_path / "c").glob("report/*"))
+
+
+# --- gc ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path, capsys, monkeypatch):
+    dataset = made(tmp_path / "out", {0, 1})
+    before = everything(dataset.root)
+    first = next(RECIPE.slots())
+    orphans = {
+        f"episodes/{first.cell.path}/episode_0000007.hdf5": "episode of no slot",
+        "episodes/gone_task/aloha-agilex/L1/clean/episode_0000000.hdf5": "episode of no slot",
+        f"annotations/flow@12345678/{first.cell.path}/episode_0000002.h5": "annotation of no episode",
+        f"assets/bodies/cd/{'cd' * 16}.npz": "asset of no episode",
+    }
+    mine = {"episodes/notes.txt", f"annotations/flow@12345678/{first.path}.h5", "annotations/flow@12345678/stage.json"}
+    for name in (*orphans, *mine):
+        (dataset.root / name).parent.mkdir(parents=True, exist_ok=True)
+        (dataset.root / name).write_bytes(b"x")
+    code, out, _ = command(capsys, monkeypatch, "gc", dataset.root, "--dry-run", "--json")
+    assert code == 0 and {f["path"]: f["why"] for f in json.loads(out)["files"]} == orphans
+    assert everything(dataset.root) == before | mine | set(orphans)
+    assert {o.path for o in collect(dataset)} == set(orphans)
+    assert everything(dataset.root) == before | mine
+    assert not (dataset.episodes / "gone_task").exists()
+    assert collect(dataset) == []
+
+
+def test_a_dataset_that_is_being_built_is_left_alone(tmp_path):
+    dataset = made(tmp_path / "out", {0})
+    note = dataset.ledger.root / "running" / "x.running"
+    note.parent.mkdir()
+    note.touch()
+    with pytest.raises(DatasetError, match="a build is at work"):
+        collect(dataset)
+
+
+# --- regenerate -------------------------------------------------------------------------------------------------------------
+
+
+def test_an_episode_is_made_again_to_the_same_bytes_and_a_change_is_found(built, tmp_path, capsys, monkeypatch):
+    mine = shutil.copytree(built, tmp_path / "mine")
+    name = "click_bell/aloha-agilex/L1/clean/episode_0000000"
+    code, out, err = command(capsys, monkeypatch, "regenerate", built, "--episode", name)
+    assert (code, err) == (0, "") and "the same bytes" in out
+    with h5py.File(mine / "episodes" / f"{name}.hdf5", "r+") as file:
+        file["joint_action/vector"][0, 0] += 1e-3
+    before = everything(mine)
+    code, out, _ = command(capsys, monkeypatch, "regenerate", mine, "--episode", f"episodes/{name}.hdf5", "--json")
+    assert (code, json.loads(out)["differ"], json.loads(out)["changed"]) == (1, ["joint_action/vector"], [])
+    assert everything(mine) == before
+
+
+def test_an_episode_is_found_by_its_path_however_written(tmp_path):
+    dataset = made(tmp_path / "out", {0})
+    slot = next(RECIPE.slots())
+    for text in (slot.path, f"episodes/{slot.path}.hdf5", str(dataset.episode(slot)), str(dataset.episode(slot).resolve())):
+        assert find_slot(dataset, RECIPE, text) == slot
+    for text in ("3", "../x", f"{slot.path}_v1"):
+        with pytest.raises(DatasetError, match="has no such slot; write it as"):
+            find_slot(dataset, RECIPE, text)
