@@ -49,12 +49,12 @@ def plots(seen: Sequence[Seen]) -> bytes:
     return buffer.getvalue()
 
 
-def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> NDArray[np.float64]:
+def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[float]:
     """Edges of 20 bins over all values; those that differ by no more than rounding come into the middle ones."""
     every = np.concatenate([np.asarray(each, float) for each in values])
     low, high = float(every.min()), float(every.max())
     pad = 0.5 * max(abs(high), 1e-3) if high - low <= 1e-6 * abs(high) else 0.0
-    return np.asarray(np.linspace(low - pad, high + pad, 21), np.float64)
+    return np.linspace(low - pad, high + pad, 21).tolist()
 
 
 def _ranges(axis: object, seen: Sequence[Seen]) -> None:
