@@ -50,10 +50,10 @@ def motion_between(facts: Facts, start: int, end: int) -> str:
     """How each hand moves from one frame to another."""
     log, parts = facts.log, list[str]()
     for index, side in enumerate(SIDES):
-        x, y, z = log.tcp[end, index, :3] - log.tcp[start, index, :3]
+        x, y, z = np.round(log.tcp[end, index, :3] - log.tcp[start, index, :3], 3) + 0.0
         gripper = log.state[[start, end], log.vector_names.index(f"{side}_gripper")]
         jaws = f"{gripper[0]:.2f} to {gripper[1]:.2f}"
-        parts.append(f"{side} hand {x + 0.0:+.3f} {y + 0.0:+.3f} {z + 0.0:+.3f} m, gripper {jaws}")
+        parts.append(f"{side} hand {x:+.3f} {y:+.3f} {z:+.3f} m, gripper {jaws}")
     return "; ".join(parts)
 
 

@@ -3,11 +3,13 @@
 import importlib.util
 import re
 
+import numpy as np
 import pytest
 
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.card import read_card
 from pipeline.report.card import describe
+from pipeline.report.card.plots import _edges
 from pipeline.report.card.text import spread, table
 from tests.export.running import REQUIRED
 from tests.synthetic import episode_path, make_episode
@@ -70,3 +72,9 @@ def test_the_same_episodes_give_the_same_plots(cards):
 def test_tables_and_choices():
     assert table(["a"], [["x|y"]]) == "| a |\n| --- |\n| x\\|y |\n\n"
     assert spread(list("abcdefghi"), 3) == ["a", "e", "i"] and spread(["a"], 3) == ["a"]
+
+
+def test_speeds_that_differ_by_rounding_only_are_plotted():
+    edges = _edges([[0.05, np.nextafter(0.05, 1)], [0.05]])
+    assert len(edges) == 21 and edges[0] < 0.03 and edges[-1] > 0.07
+    np.testing.assert_allclose(_edges([[1.0, 2.0], [4.0]]), np.linspace(1, 4, 21))

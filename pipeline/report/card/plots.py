@@ -4,6 +4,7 @@ import io
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.report.card.survey import Seen
 
@@ -29,7 +30,7 @@ def plots(seen: Sequence[Seen]) -> bytes:
     speeds = [np.concatenate([one.speeds for one in seen if one.spec.level == level]) for level in levels]
     lengths = [[one.seconds for one in seen if one.spec.level == level] for level in levels]
     for name, values in (("speed", speeds), ("length", lengths)):
-        axes[name].hist(values, bins=20, stacked=True, color=[COLOURS[level] for level in levels])
+        axes[name].hist(values, bins=_edges(values), stacked=True, color=[COLOURS[level] for level in levels])
     _ranges(axes["range"], seen)
     titles = {"start": "where targets start", "path": "motions until the meeting (dot)", "speed": "speed until the meeting"}
     titles |= {"length": "length of episodes", "range": "range of actions (rad; grippers 0 to 1)"}
@@ -46,6 +47,14 @@ def plots(seen: Sequence[Seen]) -> bytes:
     buffer = io.BytesIO()
     FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[float]:
+    """Edges of 20 bins over all values; those that differ by no more than rounding come into the middle ones."""
+    every = np.concatenate([np.asarray(each, float) for each in values])
+    low, high = float(every.min()), float(every.max())
+    pad = 0.5 * max(abs(high), 1e-3) if high - low <= 1e-6 * abs(high) else 0.0
+    return np.linspace(low - pad, high + pad, 21).tolist()
 
 
 def _ranges(axis: object, seen: Sequence[Seen]) -> None:
