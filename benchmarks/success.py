@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from benchmarks.hardware import hardware
 from pipeline.data.recipe import Recipe, Slot
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.spec import DOMAINS, EpisodeSpec
 from pipeline.evaluate.intervals import wilson
 from pipeline.motion.target_motion import Features
 from pipeline.report.speed_law import drawn_and_accepted, law
@@ -147,6 +147,29 @@ def interval(tries: Sequence[Try], robot: str) -> str:
     return f"{100 * low:.1f}-{100 * high:.1f}"
 
 
+def domains(tries: Sequence[Try]) -> str:
+    """Markdown: per cent of attempts accepted by domain, of every task, every level and all, with Wilson's 95 % interval of all."""
+    names = [name for name in DOMAINS if any(t.spec.domain == name for t in tries)]
+    groups: dict[str, list[Try]] = {
+        task: [t for t in tries if t.spec.task == task] for task in sorted({t.spec.task for t in tries})
+    }
+    groups |= {f"level {level}": [t for t in tries if t.spec.level == level] for level in sorted({t.spec.level for t in tries})}
+    rows = [f"| attempts | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
+    for name, group in groups.items():
+        shares = ["{} of {}".format(*_accepted(group, domain)) for domain in names]
+        rows.append(f"| {name} | {' | '.join(shares)} |")
+    counts = [_accepted(tries, domain) for domain in names]
+    ends = [[100 * end for end in wilson(*count)] for count in counts]
+    said = [f"**{100 * n / of:.1f}** ({low:.1f}-{high:.1f})" for (n, of), (low, high) in zip(counts, ends, strict=True)]
+    return "\n".join([*rows, f"| **all, %** | {' | '.join(said)} |"])
+
+
+def _accepted(tries: Sequence[Try], domain: str) -> tuple[int, int]:
+    """How many attempts of a domain were accepted, and of how many."""
+    good = [not t.reason for t in tries if t.spec.domain == domain]
+    return sum(good), len(good)
+
+
 def speeds(tries: Sequence[Try], levels: Sequence[int]) -> str:
     """Markdown: motions drawn against motions accepted per level, and the test of level 1 against the paper's law."""
     head = "| level | motions | number | average m/s | end m/s | displacement m | under 5 cm | at 0.01 m/s | 0.8 alpha or more |"
@@ -266,6 +289,7 @@ def main() -> None:
         head,
         hardware(),
         rates(tries, robots, levels),
+        *([domains(tries)] if len({t.spec.domain for t in tries}) > 1 else []),
         speeds(tries, levels),
         *([alphas(tries)] if len(alpha) > 1 else []),
         reasons(tries),

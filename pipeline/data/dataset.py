@@ -28,7 +28,7 @@ class DatasetError(DominoError):
     """A dataset directory that cannot be used as asked: one line with the fix."""
 
 
-FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger", "report")
+FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger", "logs", "report")
 """Directories of a dataset."""
 
 
@@ -111,6 +111,10 @@ class Dataset:
     def ledger(self) -> Ledger:
         """Which slots are finished."""
         return Ledger(self.root / "ledger")
+
+    def log(self, slot: Slot) -> Path:
+        """Where the log of a slot that failed is."""
+        return self.root / "logs" / f"{slot.path}.log"
 
     def exports(self, name: str) -> Path:
         """Default place of an export."""

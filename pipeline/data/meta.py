@@ -1,10 +1,18 @@
 """What an episode file says about itself besides its arrays: roles, objects, cameras, motion, look and keys; stored as JSON."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+)
 
 from pipeline.data.cameras import Camera, CameraType
 from pipeline.data.clock import PHYSICS_HZ
@@ -25,6 +33,10 @@ type Category = Literal["interception", "tracking"]
 
 Side = Annotated[str, Field(pattern="^(left|right)$")]
 """An arm."""
+
+
+CLUTTER = (3, 8)
+"""The fewest and the most distractors of the randomized domain; fewer where there is no room."""
 
 
 class _Record(BaseModel):
@@ -108,7 +120,8 @@ class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
     `target` is the body that moves on its own until the meeting, `manipulated` the one the arms handle, `arms` maps roles to sides,
-    `clutter` lists the distractors (described in `objects`, too). `table_drop` (m): how much higher than in the clean domain robot
+    `clutter` lists the distractors (described in `objects`, too), of which `clutter_wanted` were wanted at least and at most (left
+    out of the file where it is 3 and 8). `table_drop` (m): how much higher than in the clean domain robot
     and head camera are, the table top staying where it is. `meeting_time` (s) is the planned meeting; speeds (m/s) and
     `displacement` (m) are those of the target's motion (motion/target_motion.py, Features). `rules`, `contact` and `layout` say how
     the episode was judged, what the first touch did and where the bases stood (data/rules.py), `physics_hz` how fast physics ran,
@@ -128,6 +141,7 @@ class EpisodeMeta(_Record):
     arms: dict[str, Side]
     objects: dict[Name, ObjectInfo]
     clutter: tuple[Name, ...] = ()
+    clutter_wanted: tuple[int, int] = CLUTTER
     table_drop: float = 0.0
     meeting_time: float
     average_speed: float
@@ -146,3 +160,11 @@ class EpisodeMeta(_Record):
     failure: FailureInfo | None = None
     physics_key: str = ""
     render_key: str = ""
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A file says the usual number of distractors by leaving it out, as files did before it could be chosen."""
+        values = write(self)
+        if self.clutter_wanted == CLUTTER:
+            values.pop("clutter_wanted", None)
+        return values

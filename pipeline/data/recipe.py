@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 
 from pipeline.data.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.clock import DEFAULT_FPS
-from pipeline.data.meta import NamedCamera
+from pipeline.data.meta import CLUTTER, NamedCamera
 from pipeline.data.names import MOUNTED
 from pipeline.data.recipe_values import SHOWN, RecipeError, cameras_listed, listed, shown
-from pipeline.data.rules import Contact, Layout, Rules, RuleSet
+from pipeline.data.rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet
 from pipeline.data.spec import EpisodeSpec, attempt_seed
 
 MOST_SLOTS = 10_000_000
@@ -99,6 +99,10 @@ class Recipe(BaseModel):
     """What the first touch does to the target of a tracking task, where it is not what the rules say."""
     layout: Layout = "ours"
     """Where the robots' bases stand: at our places, or at those of the original system."""
+    clutter: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(le=MOST_CLUTTER)]] = CLUTTER
+    """[fewest, most] distractors in the randomized domain, at most 10; fewer where there is no room."""
+    textures: Literal["seen", "unseen"] = "seen"
+    """Which textures randomized looks draw: those of training, or the others, which evaluation shows policies."""
     instructions: Annotated[int, Field(ge=1, le=1000)] = 100
     """Sentences made for each of the splits seen and unseen."""
     keep_failures: Literal["all", "rendered", "none"] = "none"
@@ -159,6 +163,13 @@ class Recipe(BaseModel):
             raise ValueError("must be [width, height] in pixels, such as [320, 240]")
         return value
 
+    @field_validator("clutter")
+    @classmethod
+    def _fewest_first(cls, value: tuple[int, int]) -> tuple[int, int]:
+        if value[0] > value[1]:
+            raise ValueError("must be [fewest, most], such as [3, 8]")
+        return value
+
     @field_validator("cameras", mode="before")
     @classmethod
     def _known_cameras(cls, value: Any) -> Any:
@@ -180,7 +191,7 @@ class Recipe(BaseModel):
 
     def ruling(self) -> Rules:
         """The rules by which episodes are made and judged."""
-        return Rules(self.rules, self.contact, self.layout)
+        return Rules(self.rules, self.contact, self.layout, self.clutter)
 
     def counts(self) -> Mapping[Cell, int]:
         """Episodes wanted of every cell, in a fixed order: physics, each drawn `variants` times."""

@@ -55,7 +55,7 @@ class EpisodeSpec:
     @property
     def scene_id(self) -> str:
         """The same for attempts at paired cells that show the same layout and the same objects; in one domain also the same
-        surroundings and looks."""
+        surroundings and looks. Between domains, the layout differs where only one of their head cameras would see the target."""
         return hashlib.sha256(json.dumps([self.task, self.embodiment, self.slot, self.seed]).encode()).hexdigest()[:16]
 
     def rng(self, purpose: str) -> np.random.Generator:

@@ -48,13 +48,14 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """For a manifest: JSON values only; the motion is an object."""
-        return asdict(self) | {"motion": json.loads(self.motion)}
+        return asdict(self) | {"motion": json.loads(self.motion), "rules": self.rules.to_dict()}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
         """Inverse of `to_dict`. Raises ValueError, TypeError or KeyError for something else."""
         motion = TargetMotion.from_json(json.dumps(values["motion"])).to_json()
-        return cls(**(values | {"spec": EpisodeSpec(**values["spec"]), "motion": motion, "rules": Rules(**values["rules"])}))
+        spec, rules = EpisodeSpec(**values["spec"]), Rules.from_dict(values["rules"])
+        return cls(**(values | {"spec": spec, "motion": motion, "rules": rules}))
 
 
 def start_hash(poses: NDArray[np.float64], qpos: NDArray[np.float64]) -> str:
@@ -77,7 +78,7 @@ def _digest(arrays: Sequence[NDArray[np.float64]]) -> str:
 @lru_cache(maxsize=8)
 def expert(spec: EpisodeSpec, fps: int, rules: Rules = STRICT) -> Rollout:
     """The expert's rollout of a spec; the latest ones are remembered. Raises Failure where it does not solve it."""
-    given = {"fps": fps, "rules": rules.name, "contact": rules.contact, "layout": rules.layout}
+    given = {"fps": fps, "rules": rules.name, "contact": rules.contact, "layout": rules.layout, "clutter": rules.clutter}
     return attempt(spec, Recipe.model_validate(given), Phases())
 
 

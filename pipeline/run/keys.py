@@ -47,7 +47,7 @@ NUMERIC = {
 """Packages whose numbers matter: imported module and distribution."""
 
 FOR_IMAGES = (
-    *("render", "depth", "segmentation", "pointcloud", "cameras", "size", "visuals", "visual_seed"),
+    *("render", "depth", "segmentation", "pointcloud", "cameras", "size", "visuals", "visual_seed", "textures"),
     "robot_meshes",
 )
 FOR_SENTENCES = ("instructions",)

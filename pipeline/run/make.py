@@ -56,6 +56,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         arms=scene.arms,
         objects=objects,
         clutter=scene.clutter,
+        clutter_wanted=scene.rules.clutter,
         table_drop=table_drop(scene.spec),
         meeting_time=rollout.meeting,
         **asdict(rollout.motion.features()),
@@ -117,7 +118,7 @@ def wanted_appearance(dataset: Dataset, scene: Scene, recipe: Recipe) -> Appeara
     robot = with_vendor_meshes(scene.embodiment, dataset.assets, recipe.robot_meshes)
     meshes = {a.model: recipe.robot_meshes[a.model] for a in robot.arms.values() if a.model in recipe.robot_meshes}
     appearance = appearance_of(scene, camera=recipe.camera, preset=recipe.render, robot=robot, robot_meshes=meshes)
-    return as_wanted(appearance, recipe, visuals_of(scene.spec, recipe.visuals, recipe.visual_seed))
+    return as_wanted(appearance, recipe, visuals_of(scene.spec, recipe.visuals, recipe.visual_seed, split=recipe.textures))
 
 
 def as_wanted(appearance: Appearance, recipe: Recipe, visuals: Visuals) -> Appearance:

@@ -53,7 +53,9 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
 
     A look that the source stores is taken from there; every other one is drawn for variant 0.
     """
-    same = source.visuals == recipe.visuals and (recipe.visuals != "randomized" or source.visual_seed == recipe.visual_seed)
+    same = (source.visuals, source.textures) == (recipe.visuals, recipe.textures) and (
+        recipe.visuals != "randomized" or source.visual_seed == recipe.visual_seed
+    )
     if same and slot.variant < source.variants:
         return slot, True
     return slot.physical, False
@@ -103,7 +105,7 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
         stored = stored_appearance(episode, store, _parts)
     look = stored.visuals
     if not job.same_look:
-        look = visuals_of(episode.spec, job.recipe.visuals, job.recipe.visual_seed, job.slot.variant)
+        look = visuals_of(episode.spec, job.recipe.visuals, job.recipe.visual_seed, job.slot.variant, job.recipe.textures)
     appearance = as_wanted(stored, job.recipe, look)
     cameras = {camera.name: CameraInfo.of(camera) for camera in appearance.cameras}
     drawing = episode.meta.drawing.model_copy(update={"preset": appearance.preset, "visuals": look, "cameras": cameras})

@@ -49,17 +49,17 @@ class Appearance:
         return replace(self, cameras=tuple(c for c in self.cameras if c.name in names))
 
 
-def visuals_of(spec: EpisodeSpec, kind: str = "domain", seed: int = 0, variant: int = 0) -> Visuals:
+def visuals_of(spec: EpisodeSpec, kind: str = "domain", seed: int = 0, variant: int = 0, split: str = "seen") -> Visuals:
     """The look of room and lights of an episode.
 
     `kind` is "domain" (as the episode's domain says, from its own random stream), "clean", or "randomized", where every seed and
-    variant has a stream of its own, so that more variants change none of those there are.
+    variant has a stream of its own, so that more variants change none of those there are. `split` says which textures are drawn.
     """
     if kind == "clean":
         return CLEAN
     if kind == "randomized":
-        return draw_visuals(spec.rng(f"visuals/{seed}/{variant}"), "randomized")
-    return draw_visuals(spec.rng("visuals"), spec.domain)
+        return draw_visuals(spec.rng(f"visuals/{seed}/{variant}"), "randomized", split)
+    return draw_visuals(spec.rng("visuals"), spec.domain, split)
 
 
 def appearance_of(

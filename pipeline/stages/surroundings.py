@@ -6,6 +6,7 @@ Each draws from its own stream of the spec. The clean domain draws nothing.
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.meta import CLUTTER
 from pipeline.data.rules import Layout
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Pose, inverse, transform, yawed
@@ -22,9 +23,6 @@ TABLE_DROP = 0.03
 
 CAMERA_SHIFT, CAMERA_TURN = 0.006, np.radians(1.0)
 """m and rad; the head camera's largest offset along and about each of its axes."""
-
-CLUTTER = (3, 8)
-"""The fewest and the most distractors; fewer where there is no room."""
 
 CLUTTER_FAMILIES = (
     *("alarm_clock", "bell", "bread", "can", "coaster", "coffee_box", "fan", "mouse", "phone", "phone_stand", "pill_bottle"),
@@ -55,14 +53,16 @@ def embodiment_of(spec: EpisodeSpec, layout: Layout = "ours") -> Embodiment:
     return looking(raised(embodiment, table_drop(spec)), shift, turn.tolist())
 
 
-def clutter(spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment) -> dict[str, Body]:
-    """Distractors on the table by name: of other kinds than the task's `bodies`, apart from them, from each other and from the arms
-    at home, and hiding none of them from the head camera."""
+def clutter(
+    spec: EpisodeSpec, bodies: dict[str, Body], embodiment: Embodiment, count: tuple[int, int] = CLUTTER
+) -> dict[str, Body]:
+    """Distractors on the table by name, `count` at least and at most, fewer where there is no room: of other kinds than the task's
+    `bodies`, apart from them, from each other and from the arms at home, and hiding none of them from the head camera."""
     if spec.domain == "clean":
         return {}
     rng = spec.rng("clutter")
     families = [str(name) for name in rng.permutation(CLUTTER_FAMILIES)]
-    wanted = int(rng.integers(CLUTTER[0], CLUTTER[1] + 1))
+    wanted = int(rng.integers(count[0], count[1] + 1))
     used = {word for body in bodies.values() for word in _nouns(body.family, body.instance)}
     links = _link_boxes(embodiment)
     middles = np.array([middle(b.pose, b.instance) for b in bodies.values()])

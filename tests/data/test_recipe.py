@@ -138,6 +138,9 @@ def test_domains_may_want_different_numbers():
         ({"seed": -1}, "seed"),
         ({"attempts": 0}, "attempts"),
         ({"total": 0}, "total"),
+        ({"clutter": [4, 3]}, "clutter"),
+        ({"clutter": [3, 11]}, "clutter"),
+        ({"textures": "new"}, "textures"),
         ({"total": 3, "episodes": {"clean": 0}}, "wants 0 episodes"),
         ({"paired": ["tasks"]}, "paired"),
         (

@@ -18,7 +18,7 @@ from pipeline.run.keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.pool import Pool
 from pipeline.run.ray_session import session
-from pipeline.run.slot import Lost, SlotJob, fill_slot, slot_worker
+from pipeline.run.slot import Lost, SlotJob, fill_logged, fill_slot, slot_worker
 from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
 from tests.run.processes import of_session, shared_memory, title, wait_for, workers
@@ -60,7 +60,7 @@ def fatal_fill_slot(job: SlotJob) -> SlotRecord:
         failing(spec, recipe, phases)
 
     slot.attempt = attempt
-    return fill_slot(job)
+    return fill_logged(job)
 
 
 def fatal_worker() -> Callable[[SlotJob], SlotRecord]:
@@ -95,6 +95,8 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
             assert row["outcome"] == "failed"
             assert row["seconds"] >= (6.0 if reason == "worker_hung" else 0.0)
         assert running.noted(dataset, one) is None
+        logged = dataset.log(one).read_text()
+        assert all(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}" in logged for row in rows)
 
 
 def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):

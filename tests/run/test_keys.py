@@ -167,6 +167,7 @@ PHYSICS_KEYS = {
     "contact": "continue",
     "layout": "original",
     "paired": ("levels",),
+    "clutter": (3, 10),
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
@@ -177,6 +178,7 @@ IMAGE_KEYS = {
     "cameras": ("head", "observer"),
     "size": (640, 480),
     "visuals": "clean",
+    "textures": "unseen",
 }
 SENTENCE_KEYS = {"instructions": 99}
 NO_KEYS = {

@@ -1,5 +1,6 @@
 """The randomized domain around a task: what it draws and from where, clutter out of the way, table height and head camera."""
 
+import json
 from dataclasses import replace
 from itertools import combinations
 
@@ -10,21 +11,21 @@ from pipeline.data.cameras import extrinsics_cv
 from pipeline.data.episode import open_episode
 from pipeline.data.episode_writer import write_episode
 from pipeline.data.keys import Key, SlotKeys
-from pipeline.data.meta import Drawing
+from pipeline.data.meta import CLUTTER, Drawing, EpisodeMeta
 from pipeline.data.recipe import Recipe
+from pipeline.data.rules import Rules, rules_of
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import Event
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.poses import angle_between, inverse, transform, yawed
 from pipeline.run.make import episode_of
 from pipeline.stages.attempt import Phases, attempt
-from pipeline.stages.render import appearance_of, render
+from pipeline.stages.render import appearance_of, render, visuals_of
 from pipeline.stages.scene import build_scene
 from pipeline.stages.surroundings import (
     ARM_GAP,
     CAMERA_SHIFT,
     CAMERA_TURN,
-    CLUTTER,
     CLUTTER_FAMILIES,
     CLUTTER_GAP,
     HANDS,
@@ -191,6 +192,35 @@ def test_fewer_distractors_where_there_is_no_room(monkeypatch, stages):
     monkeypatch.setattr("pipeline.stages.surroundings.TASK_GAP", 0.5)
     numbers = [len(clutter(s.spec, {s.task.target: s.bodies[s.task.target]}, s.embodiment)) for s in stages[:8]]
     assert min(numbers) < CLUTTER[0]
+
+
+def test_a_recipe_may_want_other_numbers_of_distractors():
+    found = [len(build_scene(spec(seed=seed), Recipe(clutter=(9, 10)).ruling()).clutter) for seed in range(4)]
+    assert max(found) in (9, 10) and min(found) > CLUTTER[0]
+    assert build_scene(spec(), Recipe(clutter=(0, 0)).ruling()).clutter == ()
+
+
+def test_only_an_unusual_number_of_distractors_is_written(rollout):
+    usual = episode_of(rollout, Recipe(), DRAWING, KEYS).meta
+    assert "clutter_wanted" not in usual.model_dump_json()
+    other = usual.model_copy(update={"clutter_wanted": (0, 10)})
+    again = EpisodeMeta.model_validate_json(other.model_dump_json())
+    assert again == other and EpisodeMeta.model_validate_json(usual.model_dump_json()) == usual
+    assert rules_of(again) == replace(rules_of(usual), clutter=(0, 10))
+    assert rules_of(again).label.endswith("clutter0to10")
+    for rules in (rules_of(again), rules_of(usual)):
+        assert Rules.from_dict(json.loads(json.dumps(rules.to_dict()))) == rules
+    assert set(rules_of(usual).to_dict()) == {"name", "contact", "layout"}
+
+
+@pytest.mark.parametrize("kind", ["domain", "randomized"])
+def test_looks_are_drawn_from_the_textures_that_the_recipe_names(kind):
+    for seed in range(5):
+        seen, unseen = (visuals_of(spec(seed=seed), kind, split=split) for split in ("seen", "unseen"))
+        for before, after in ((seen.table, unseen.table), (seen.wall, unseen.wall), (seen.ground, unseen.ground)):
+            assert before == after or (before.seed % 2, after.seed % 2) == (0, 1)
+        assert (seen.sun, seen.ambient) == (unseen.sun, unseen.ambient)
+        assert visuals_of(spec(seed=seed), kind) == seen
 
 
 def test_hidden_is_what_a_cylinder_covers():
