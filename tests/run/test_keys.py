@@ -162,6 +162,7 @@ PHYSICS_KEYS = {
     "fps": 30,
     "camera": "L515",
     "lead": 0.5,
+    "keep_failures": "all",
     "speed_bound": "maximum",
     "rules": "domino",
     "contact": "continue",
