@@ -20,8 +20,8 @@ from pipeline.tasks import TASKS
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.robots import MODELS
 
-CORE = ("pipeline.stages.attempt",)
-DRAWING = ("pipeline.stages.render",)
+CORE = ("pipeline.stages.attempt", "pipeline.motion.interception_group")
+DRAWING = ("pipeline.stages.render", "pipeline.stages.tracks")
 LANGUAGE = ("pipeline.tasks.language", "pipeline.world.objects.words")
 
 REGISTERED = ("pipeline.tasks.library", "pipeline.world.objects.families", "pipeline.world.robots.models")
