@@ -13,7 +13,7 @@ from pipeline.world.objects import Family
 Floats = NDArray[np.float64]
 
 INPUTS = ("position", "velocity", "two_frames")
-"""Rungs: where everything is now; and the target's velocity; and where everything was a moment ago."""
+"""Rungs: where everything is now; and the target's velocity; and how bodies moved since a moment ago."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,15 @@ class State:
 
 
 def features(now: State, before: State, kind: str) -> Floats:
-    """(T,F) what a network sees of T frames; for `velocity` the target's velocity besides; for `two_frames` what changed since the
-    frames before, which is as much as to see both and is scaled on its own: at 0.1 m/s it is 7 mm in a control period."""
+    """(T,F) what a network sees of T frames; for `velocity` the target's velocity besides; for `two_frames` how all bodies moved
+    since the frames before.
+
+    Not what else changed: the robot's own speed is what imitators copy instead of looking (de Haan et al. 2019).
+    """
     if kind == "velocity":
         return np.concatenate([_seen(now), now.velocity], 1)
     if kind == "two_frames":
-        return np.concatenate([_seen(now), _seen(now) - _seen(before)], 1)
+        return np.concatenate([_seen(now), (now.poses - before.poses)[..., :3].reshape(len(now.joints), -1)], 1)
     return _seen(now)
 
 

@@ -20,8 +20,10 @@ class LadderError(DominoError):
 
 
 def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats, Floats]:
-    """Features (N,F) and chunks (N,H,A) of all frames but the last, and of `copies` disturbed ones of each: the disturbance of a
-    frame is that of the frame before it, too. Raises LadderError where demonstrations have different bodies."""
+    """Features (N,F) and chunks (N,H,A) of all frames but the last, and of `copies` disturbed ones of each.
+
+    Raises LadderError where demonstrations have different bodies.
+    """
     x, y, rng = list[Floats](), list[Floats](), np.random.default_rng(0)
     embodiment = shown[0].cell.embodiment
     grippers = [i for i, name in enumerate(get_embodiment(embodiment).vector_names) if name.endswith("gripper")]
@@ -31,10 +33,10 @@ def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats,
         frames, now = len(d.joints), d.state
         before = now.at(earlier(frames, settings.back))
         for copy in range(1 + settings.copies):
-            seen = (now, before)
+            seen = now
             if copy:
                 offsets = disturbances(embodiment, frames, d.untouched, settings.spread, rng)
-                seen = (disturbed(now, embodiment, offsets), disturbed(before, embodiment, offsets))
-            x.append(features(*seen, settings.inputs)[:-1])
-            y.append(chunks(seen[0].joints, d.actions, settings.chunk, grippers))
+                seen = disturbed(now, embodiment, offsets)
+            x.append(features(seen, before, settings.inputs)[:-1])
+            y.append(chunks(seen.joints, d.actions, settings.chunk, grippers))
     return np.concatenate(x), np.concatenate(y)

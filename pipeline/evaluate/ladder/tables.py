@@ -87,8 +87,9 @@ def said(rows: Sequence[Row], code: str) -> str:
     tried = ", ".join(map(str, sorted({int(row["episodes"]) for row in rows})))
     return (
         "What memory buys on moving targets: small networks on states learn a task at all levels together and differ only in what "
-        "they see: where everything is (`position`), the target's velocity besides (`velocity`), or what changed a moment "
-        f"ago (`two_frames`). {robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
+        "they see: where everything is (`position`), the target's velocity besides (`velocity`), or how bodies moved since the "
+        f"frame before (`two_frames`). "
+        f"{robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
         f"Per cent of episodes ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data ladder`), "
         f"Wilson's 95 % interval over the episodes in brackets. Code {code[:12]}.\n\n{table(rows)}\n"
     )
