@@ -27,7 +27,10 @@ def fill(root, **changes):
     recipe = recipe_from(WANTED | SMALL | changes)
     dataset = Dataset(root)
     dataset.create(recipe)
-    return dataset, recipe, fill_slot(SlotJob(str(root), recipe, next(recipe.slots()), code_version()))
+    slot = next(recipe.slots())
+    record = fill_slot(SlotJob(str(root), recipe, slot, code_version()))
+    dataset.ledger.add([(slot, record)])
+    return dataset, recipe, record
 
 
 @pytest.fixture(scope="module")
