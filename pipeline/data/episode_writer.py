@@ -41,8 +41,8 @@ def write_episode(
         _write_header(f, episode)
         _write_log(f, episode)
         _write_touches(f.require_group(FIRST_CONTACT), episode)
-        for key, values in episode.interception.items():
-            f[f"interception/{key}"] = values
+        for key in sorted(episode.interception):  # the same bytes, whether it was just made or read from a file
+            f[f"interception/{key}"] = episode.interception[key]
         for view, frames in zip(views, coded, strict=True):
             _write_view(f.create_group(f"observation/{view.camera.name}"), view, frames)
         if pointcloud is not None:

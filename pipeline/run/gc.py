@@ -70,13 +70,13 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
 
 
 def _named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
-    """The assets that episodes name; None where one cannot be asked, so that no asset can be called orphaned."""
+    """The assets that episodes and kept failures name; None where one cannot be asked: no asset can be called orphaned then."""
     entries = dataset.entries(recipe, ("assets",))
     named = set(entries.table["assets"].combine_chunks().flatten().to_pylist())
     known = {f"{slot.path}.hdf5" for slot, assets in zip(entries.slots, entries.table["assets"].to_pylist(), strict=True) if assets}
-    for name in held - known:
+    for path in (*(dataset.episodes / name for name in held - known), *dataset.failures.rglob("*.hdf5")):
         try:
-            with EpisodeFile(dataset.episodes / name) as file:
+            with EpisodeFile(path) as file:
                 named |= set(file.meta.drawing.assets.values())
         except (EpisodeError, OSError, KeyError, ValueError):
             return None

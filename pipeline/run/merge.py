@@ -138,7 +138,10 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
 
 
 def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
-    """Link or copy the episode of a slot."""
+    """Link or copy the episode of a slot, and the failed attempts that are kept of it."""
+    for row in record.attempts:
+        if row.get("kept"):
+            _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
     if not record.accepted:
         return
     path = source.episode(slot)

@@ -48,7 +48,9 @@ def worker_log(path: Path) -> Iterator[Log]:
             for number, copy in kept:
                 os.dup2(copy, number)
                 os.close(copy)
-            faulthandler.enable() if crashes else faulthandler.disable()
+            faulthandler.disable()
+            if crashes and sys.__stderr__ is not None:
+                faulthandler.enable(sys.__stderr__)
     if not log.keep:
         path.unlink(missing_ok=True)
         with suppress(OSError):  # other slots have logs there

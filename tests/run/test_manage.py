@@ -104,6 +104,19 @@ def test_parts_of_one_recipe_are_joined_by_hard_links(tmp_path):
     assert diff(out, a)["same"] == 1 and out.report.exists() and len(out.accepted(RECIPE)) == 3
 
 
+def test_kept_failures_come_along(tmp_path):
+    a, b, out = made(tmp_path / "a", {0}), made(tmp_path / "b", {1}), Dataset(tmp_path / "c")
+    slot = list(RECIPE.slots())[1]
+    b.failure(slot, 0).parent.mkdir(parents=True)
+    b.failure(slot, 0).write_bytes(b"failed")
+    record = record_of(b, slot)
+    failed = record.attempts[0] | {"outcome": "failed", "stage": "replay", "reason": "no_success"}
+    failed |= {"kept": file_hash(b.failure(slot, 0))}
+    b.ledger.add([(slot, replace(record, attempts=(failed, record.attempts[0] | {"attempt": 1})))])
+    merge([a, b], out)
+    assert out.intact_failures(RECIPE) == [out.failure(slot, 0)]
+
+
 def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
     high = RECIPE.model_copy(update={"levels": (2,), "episodes": 2})
     out = Dataset(tmp_path / "c")
@@ -155,6 +168,23 @@ def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path, capsys, monk
     assert everything(dataset.root) == before | mine
     assert not (dataset.episodes / "gone_task").exists()
     assert collect(dataset) == []
+
+
+def test_an_asset_that_only_a_kept_failure_names_stays(tmp_path):
+    dataset = made(tmp_path / "out", {0})
+    failure = dataset.failure(next(RECIPE.slots()), 0)
+    make_episode(failure, frames=3)
+    name = "cd" * 16
+    with h5py.File(failure, "r+") as file:
+        meta = json.loads(file.attrs["meta"])
+        meta["drawing"]["assets"] = {"bell": name}
+        file.attrs["meta"] = json.dumps(meta)
+    asset = dataset.bodies / name[:2] / f"{name}.npz"
+    asset.parent.mkdir(parents=True, exist_ok=True)
+    asset.write_bytes(b"asset")
+    assert collect(dataset) == []
+    failure.unlink()
+    assert [orphan.why for orphan in collect(dataset)] == ["asset of no episode"]
 
 
 def test_a_dataset_that_is_being_built_is_left_alone(tmp_path):

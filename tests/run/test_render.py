@@ -181,18 +181,17 @@ def test_a_build_of_several_variants_has_those_of_a_rendering(source, tmp_path):
 
 def rename(dataset, task):
     """The dataset as if it had been made of a task that this version does not have."""
-    for path in [dataset.episodes, dataset.root / "ledger"]:
-        (path / "click_bell").rename(path / task)
+    records = [dataset.record(slot) for slot in dataset.recipe().slots()]
+    (dataset.episodes / "click_bell").rename(dataset.episodes / task)
+    shutil.rmtree(dataset.root / "ledger")
     dataset.manifest.write_text(dataset.manifest.read_text().replace("click_bell", task))
-    for slot in dataset.recipe().slots():
-        path = dataset.episode(slot)
-        with h5py.File(path, "r+") as f:
+    for slot, record in zip(dataset.recipe().slots(), records, strict=True):
+        with h5py.File(dataset.episode(slot), "r+") as f:
             f.attrs["spec"] = f.attrs["spec"].replace("click_bell", task)
-        reseal(dataset, slot)
+        reseal(dataset, slot, record)
 
 
-def reseal(dataset, slot):
-    record = dataset.record(slot)
+def reseal(dataset, slot, record):
     dataset.ledger.add([(slot, replace(record, sha256=file_hash(dataset.episode(slot))))])
 
 
@@ -217,7 +216,7 @@ def test_a_source_that_changed_is_drawn_again_and_alone(mine, tmp_path):
     slot = next(mine.recipe().slots())
     with h5py.File(mine.episode(slot), "r+") as f:
         f.attrs["touched"] = 1
-    reseal(mine, slot)
+    reseal(mine, slot, mine.record(slot))
     before = {p: p.stat().st_mtime_ns for p in paths(out)}
     assert draw(mine, out, **SMALL).drawn == 1
     assert [p for p in paths(out) if p.stat().st_mtime_ns != before[p]] == [out.episode(slot)]
@@ -291,13 +290,13 @@ def test_a_killed_and_an_interrupted_rendering_go_on_to_the_same_bytes(source, t
     done = 0
     for stop in (signal.SIGKILL, signal.SIGINT):
         process, began = start(*arguments), time.monotonic()
-        while len(list(out.root.glob("ledger/**/*.json"))) <= done and process.poll() is None:
+        while len(list(out.ledger.entries())) <= done and process.poll() is None:
             assert time.monotonic() - began < PATIENCE
             time.sleep(0.01)
         process.send_signal(stop)
         _, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == (130 if stop == signal.SIGINT else -signal.SIGKILL), err
-        done = len(list(out.root.glob("ledger/**/*.json")))
+        done = len(list(out.ledger.entries()))
         assert 0 < done < 2 * variants
     assert draw(source, out, variants=variants, **SMALL).drawn == 2 * variants - done
     assert files(out) == files(whole)
