@@ -94,18 +94,20 @@ def closure(root: Path, start: Iterable[str], stop: Collection[str] = ()) -> fro
 
     A module of `stop`, or below a package of `stop`, is not entered unless it is in `start`.
     """
+    return _closure(root, frozenset(start), frozenset(stop))
+
+
+@lru_cache(maxsize=4096)
+def _closure(root: Path, start: frozenset[str], stop: frozenset[str]) -> frozenset[str]:
+    below = tuple(f"{package}." for package in stop)
     found: set[str] = set()
     queue = list(start)
     while queue:
         module = queue.pop()
         if module not in found:
             found.add(module)
-            queue += [m for m in source(root, module).imports if not _below(m, stop)]
+            queue += [m for m in source(root, module).imports if m not in stop and not m.startswith(below)]
     return frozenset(found)
-
-
-def _below(module: str, packages: Collection[str]) -> bool:
-    return any(module == p or module.startswith(f"{p}.") for p in packages)
 
 
 def sources_hash(root: Path, names: Iterable[str]) -> str:
