@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.data.atomic import sweep, write_atomic
+from pipeline.data.atomic import remove, sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError
 from pipeline.data.ledger import SlotRecord
@@ -30,7 +30,7 @@ from pipeline.run.mend import from_scenes, mend_assets
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Kind, Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
-from pipeline.run.state import DONE, IMAGES, PHYSICS, REDO, SENTENCES, SlotState, read_states
+from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
 from pipeline.run.strikes import Strikes
 from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
 from pipeline.world.vulkan import ensure_renderer
@@ -89,12 +89,12 @@ def build(
     jobs = _jobs(dataset, recipe, known, todo)
     running.clear_all(dataset, todo)
     progress = Progress(len(slots), len(slots) - len(todo), shown)
-    ledger = LedgerWriter(dataset.ledger)
+    ledger, unfinished = LedgerWriter(dataset.ledger), {slot for slot in todo if known[slot].todo == OPEN}
     try:
         restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
         del known
         _announce(progress, dataset, recipe, todo, pool)
-        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs), ledger))
+        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs), ledger, unfinished))
         ledger.close()
         if recipe.variants > 1:
             progress.close()
@@ -106,6 +106,9 @@ def build(
         progress.close()
         ledger.close()
         running.clear_all(dataset, todo)
+        for slot in unfinished:
+            if dataset.episode(slot).exists():  # the build was stopped before the entry of what a worker wrote came here
+                remove(dataset.episode(slot))
         # a worker that was killed may have been writing an asset
         sweep(dataset.assets)
         attempts = dataset.write_attempts(recipe)
@@ -167,10 +170,12 @@ class Told:
     progress: Progress
     probation: Probation
     ledger: LedgerWriter
+    unfinished: set[Slot]
 
     def done(self, slot: Slot, record: SlotRecord) -> list[SlotJob]:
         """A slot ended; the jobs that may start now."""
         self.ledger.add(slot, record)
+        self.unfinished.discard(slot)
         self.progress.add(record.attempts)
         known = len(self.probation.stops)
         ready = self.probation.done(slot, record.attempts)
