@@ -16,6 +16,7 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import LedgerWriter
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import compiled, warm_up
 from pipeline.report.page import refresh
@@ -69,16 +70,23 @@ def build(
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that takes two workers with it is
     recorded as failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
-    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, NoRenderer without Vulkan,
-    VendorMeshError for meshes that are not there, EngineError where workers cannot be started or do not last.
+    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, Busy where another command writes
+    the dataset, NoRenderer without Vulkan, VendorMeshError for meshes that are not there, EngineError where workers cannot be
+    started or do not last.
     """
     device = ensure_renderer()
     dataset = Dataset(root)
     meshes = find_meshes(recipe.robot_meshes, [dataset.assets, *([assets] if assets else [])])
     dataset.create(recipe)
-    copy_meshes(meshes, dataset.assets)
+    with exclusive(root):
+        copy_meshes(meshes, dataset.assets)
+        return _build(dataset, recipe, pool, timeout, shown, device)
+
+
+def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: Kind, device: str) -> BuildResult:
+    """As `build`, in a directory that is the recipe's and has what it needs."""
     slots = list(recipe.physical_slots())
-    sweep(root)
+    sweep(dataset.root)
     dataset.ledger.compact()
     known = dict(read_states(dataset, recipe, slots))
     whole = {slot for slot, state in known.items() if state.todo == DONE and state.accepted}

@@ -8,6 +8,7 @@ from pathlib import Path
 from pipeline.data.atomic import remove, sweep
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, EpisodeFile
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe import Recipe
 
 HALF = "half-written"
@@ -28,12 +29,17 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
     """Remove, or only list, episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and what
     dead processes of this machine left half-written.
 
-    An episode of the recipe without a ledger entry stays: a build that goes on writes both anew. Raises DatasetError for a dataset
-    that a build is at work in, OSError where the disk refuses.
+    An episode of the recipe without a ledger entry stays: a build that goes on writes both anew. Raises Busy where another command
+    writes the dataset, DatasetError where a build of it was killed, OSError where the disk refuses.
     """
     recipe = dataset.recipe()
+    with exclusive(dataset.root):
+        return _collect(dataset, recipe, dry_run)
+
+
+def _collect(dataset: Dataset, recipe: Recipe, dry_run: bool) -> list[Orphan]:
     if any((dataset.ledger.root / "running").glob("*.running")):
-        raise DatasetError(f"{dataset.root}: a build is at work in it, or was killed: run it to its end first")
+        raise DatasetError(f"{dataset.root}: a build of it was killed: run it to its end first")
     found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
     if not dry_run:
         sweep(dataset.root)

@@ -16,6 +16,7 @@ from pipeline.data.growth import differences, left_out
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.ledger_table import pack_keys
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.stamps import file_stamp
 from pipeline.report.page import refresh
@@ -40,7 +41,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
     The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
     DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
-    and for an episode whose bytes are not its ledger's; OSError where the disk refuses.
+    and for an episode whose bytes are not its ledger's; Busy where another command writes `out`; OSError where the disk refuses.
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
@@ -53,6 +54,12 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]
     _check_keys(sources, held)
     out.create(recipe)
+    with exclusive(out.root):
+        return _merge(sources, held, out, recipe)
+
+
+def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], out: Dataset, recipe: Recipe) -> Merged:
+    """As `merge`, of slots that fit together, into a directory that is the recipe's."""
     ledger, known, taken = LedgerWriter(out.ledger), dict(out.records(recipe)), [0] * len(sources)
     try:
         for slot in recipe.slots():

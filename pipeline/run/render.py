@@ -10,6 +10,7 @@ from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.ledger_files import LedgerWriter
+from pipeline.data.lock import exclusive
 from pipeline.data.reading import parse_json, read_regular
 from pipeline.data.recipe import Recipe, parse_recipe
 from pipeline.report.page import refresh
@@ -48,9 +49,9 @@ def render(
 
     `changes` are keys of the recipe (preset, cameras, size, sensors, visuals, variants) that differ from the source's, `flags` the
     options that gave them, for messages.
-    Raises DatasetError for a source that is no dataset or has no episodes, or where `out` holds another recipe; RecipeError and
-    CameraError for changes that cannot be drawn; NoRenderer without Vulkan; VendorMeshError for meshes that the source lacks;
-    EngineError where workers cannot be started or do not last.
+    Raises DatasetError for a source that is no dataset or has no episodes, or where `out` holds another recipe; Busy where another
+    command writes `out`; RecipeError and CameraError for changes that cannot be drawn; NoRenderer without Vulkan; VendorMeshError
+    for meshes that the source lacks; EngineError where workers cannot be started or do not last.
     """
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
@@ -61,7 +62,13 @@ def render(
     device = ensure_renderer()
     meshes = find_meshes(recipe.robot_meshes, [source.assets, out.assets])
     out.create(recipe)
-    copy_meshes(meshes, out.assets)
+    with exclusive(out.root):
+        copy_meshes(meshes, out.assets)
+        return _draw(source, out, recipe, pool, quiet, device)
+
+
+def _draw(source: Dataset, out: Dataset, recipe: Recipe, pool: Pool, quiet: bool, device: str) -> RenderResult:
+    """As `render`, into a directory that is the recipe's and has what it needs."""
     sweep(out.root)
     out.ledger.compact()
     work = work_of(source, out, recipe, recipe.slots())

@@ -10,6 +10,7 @@ import pytest
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger import FileFacts, SlotRecord
+from pipeline.data.lock import exclusive
 from pipeline.data.recipe import parse_recipe
 from pipeline.data.stamps import file_stamp
 from pipeline.run.diff import diff
@@ -192,8 +193,23 @@ def test_a_dataset_that_is_being_built_is_left_alone(tmp_path):
     note = dataset.ledger.root / "running" / "x.running"
     note.parent.mkdir()
     note.touch()
-    with pytest.raises(DatasetError, match="a build is at work"):
+    with pytest.raises(DatasetError, match="a build of it was killed"):
         collect(dataset)
+
+
+def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path, capsys, monkeypatch):
+    a, b, out = made(tmp_path / "a", {0}), made(tmp_path / "b", {1}), made(tmp_path / "out", {2})
+    before = everything(out.root)
+    with exclusive(out.root):
+        for words in (
+            ("build", "--tasks", "click_bell", "--levels", "1", "--episodes", "3", "--out", out.root, "--quiet"),
+            ("render", a.root, "--out", out.root, "--quiet"),
+            ("merge", a.root, b.root, "--out", out.root),
+            ("gc", out.root),
+        ):
+            code, text, err = command(capsys, monkeypatch, *words)
+            assert (code, text) == (2, "") and err.count("\n") == 1 and f"{out.root}: another command is writing it" in err, words
+    assert everything(out.root) == before
 
 
 # --- regenerate -------------------------------------------------------------------------------------------------------------

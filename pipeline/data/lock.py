@@ -1,0 +1,37 @@
+"""One command at a time writes a dataset: its ledger has a single writer."""
+
+import errno
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pipeline.data.errors import DominoError
+
+_UNABLE = (errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
+"""What file systems say that cannot lock a directory, as NFS."""
+
+
+class Busy(DominoError):
+    """Another command is at work in a dataset."""
+
+
+@contextmanager
+def exclusive(directory: Path) -> Iterator[None]:
+    """Hold the lock of an existing directory, which ends with the process however it ends, and leaves no file.
+
+    Raises Busy where another process, or another call in this one, holds it. Holds nothing where the file system has no such locks.
+    """
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise Busy(f"{directory}: another command is writing it: wait until that has ended, or stop it") from error
+        except OSError as error:
+            if error.errno not in _UNABLE:
+                raise
+        yield
+    finally:
+        os.close(descriptor)
