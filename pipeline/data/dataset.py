@@ -1,7 +1,7 @@
 """A dataset directory: where its files are, and what its ledger says is there. Reading one needs no simulator."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.data.atomic import atomic_path, write_atomic
+from pipeline.data.atomic import atomic_path, remove, write_atomic
 from pipeline.data.entries import Entries, Files
 from pipeline.data.errors import DominoError
 from pipeline.data.growth import differences, left_out
@@ -249,6 +249,12 @@ class Dataset:
         if not isinstance(values, dict):
             raise DatasetError(f"{self.provenance}: does not say what made the dataset; run the build again")
         return values
+
+    def withdraw(self, slots: Iterable[Slot]) -> None:
+        """Remove the episodes of slots without entries: a command was stopped after a worker wrote them."""
+        for path in map(self.episode, slots):
+            if path.exists():
+                remove(path)
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.data.atomic import remove, sweep, write_atomic
+from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError
 from pipeline.data.ledger import SlotRecord
@@ -114,9 +114,7 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
         progress.close()
         ledger.close()
         running.clear_all(dataset, todo)
-        for slot in unfinished:
-            if dataset.episode(slot).exists():  # the build was stopped before the entry of what a worker wrote came here
-                remove(dataset.episode(slot))
+        dataset.withdraw(unfinished)
         # a worker that was killed may have been writing an asset
         sweep(dataset.assets)
         attempts = dataset.write_attempts(recipe)

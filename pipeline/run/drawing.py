@@ -19,9 +19,12 @@ from pipeline.run.strikes import Strikes
 
 @dataclass(frozen=True)
 class DrawWork:
-    """Slots to draw, how many are drawn already, and how many wait for an episode of the source."""
+    """Where to draw, slots to draw and those of them that have no entry there, how many are drawn already, and how many wait for an
+    episode of the source."""
 
+    out: Dataset
     jobs: list[DrawJob]
+    new: frozenset[Slot]
     done: int
     open: int
 
@@ -45,15 +48,25 @@ def work_of(source: Dataset, out: Dataset, recipe: Recipe, slots: Iterable[Slot]
             done += 1
         else:
             jobs.append(DrawJob(here, there, recipe, slot, origin, record, same_look, code))
-    return DrawWork(jobs, done, missing)
+    return DrawWork(out, jobs, frozenset(job.slot for job in jobs if job.slot not in drawn), done, missing)
 
 
 def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool = False) -> list[str]:
     """Do all of it under one progress bar and write the entries; what could not be drawn, one line each, sorted.
 
     A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
-    problem of its own. Raises EngineError where workers cannot be started or do not last.
+    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError where workers cannot be started
+    or do not last.
     """
+    unfinished = set(work.new)
+    try:
+        return _draw_all(work, ledger, pool, timeout, quiet, unfinished)
+    finally:
+        work.out.withdraw(unfinished)
+
+
+def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool, unfinished: set[Slot]) -> list[str]:
+    """As `draw_all`; takes the slots whose entries came here out of `unfinished`."""
     problems: list[str] = []
     jobs, strikes = deque(work.jobs), Strikes(pool.workers)
     limit = Limit[DrawJob](lambda _: timeout)
@@ -65,6 +78,7 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
                     strikes.done()
                     if drawn.record is not None:
                         ledger.add(job.slot, drawn.record)
+                        unfinished.discard(job.slot)
                     problems += [drawn.problem] if drawn.problem else []
                 case Died(job, reason) if strikes.out(job.slot):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")

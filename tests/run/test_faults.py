@@ -22,6 +22,7 @@ from pipeline.run.slot import Lost, SlotJob, fill_logged, fill_slot, slot_worker
 from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
 from tests.run.processes import of_session, shared_memory, title, wait_for, workers
+from tests.synthetic import make_episode
 
 RECIPE = recipe_from({"tasks": "click_bell", "embodiments": "aloha", "levels": [1], "episodes": 3, "attempts": 4})
 TIMEOUT = 20.0
@@ -97,6 +98,17 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
         assert running.noted(dataset, one) is None
         logged = dataset.log(one).read_text()
         assert all(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}" in logged for row in rows)
+
+
+def test_an_episode_whose_entry_did_not_come_is_removed(tmp_path, monkeypatch):
+    def stopped(job: SlotJob) -> SlotRecord:
+        make_episode(Dataset(Path(job.root)).episode(job.slot), frames=2)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(build_module, "slot_worker", lambda: stopped)
+    with pytest.raises(KeyboardInterrupt):
+        build_module.build(tmp_path / "out", RECIPE, Pool(), shown="none")
+    assert not list(tmp_path.rglob("*.hdf5"))
 
 
 def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):

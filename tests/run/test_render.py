@@ -20,6 +20,7 @@ from pipeline.cli import main
 from pipeline.data import Dataset, EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.physics_id import physics_id
+from pipeline.run import drawing, redraw
 from pipeline.run.build import build
 from pipeline.run.names import recipe_from
 from pipeline.run.pool import Pool
@@ -301,6 +302,24 @@ def test_a_killed_and_an_interrupted_rendering_go_on_to_the_same_bytes(source, t
     assert draw(source, out, variants=variants, **SMALL).drawn == 2 * variants - done
     assert files(out) == files(whole)
     assert not list(out.root.rglob(".*.tmp"))
+
+
+def test_an_episode_whose_entry_did_not_come_is_removed(source, tmp_path, monkeypatch):
+    out, written = Dataset(tmp_path / "out"), []
+
+    def stopped_at_the_second(job):
+        drawn = redraw.draw_slot(job)
+        written.append(out.episode(job.slot))
+        assert written[-1].exists()
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        return drawn
+
+    monkeypatch.setattr(drawing, "draw_slot", stopped_at_the_second)
+    with pytest.raises(KeyboardInterrupt):
+        draw(source, out, **SMALL)
+    assert list(out.episodes.rglob("*.hdf5")) == written[:1]
+    assert [out.episode(slot) for slot, _ in out.ledger.entries()] == written[:1]
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------------

@@ -37,9 +37,11 @@ def train(
     quiet: Quiet = False,
 ) -> None:
     """Train, or go on training."""
+    from training.puma.parallel import part
     from training.puma.train import train as run
 
     result = run(_config(config, settings, data), out, quiet=quiet)
+    part()
     print(f"{result.checkpoint}")
 
 

@@ -6,7 +6,7 @@ billion, or of 4 billion with adapters; more needs shares.
 
 import torch
 from accelerate import Accelerator
-from torch import Tensor, nn
+from torch import Tensor, distributed, nn
 from torch.distributed.device_mesh import init_device_mesh
 from torch.distributed.fsdp import FSDPModule, fully_shard
 from torch.distributed.tensor import DTensor, distribute_tensor
@@ -43,6 +43,13 @@ def prepared(
     if settings.parallel == "ddp" or accelerator.num_processes == 1:
         return accelerator.prepare(network, optimizer)
     return network.to(accelerator.device), optimizer
+
+
+def part() -> None:
+    """End the group of processes, once all have come here: one that ends while others still talk to it makes them abort."""
+    if distributed.is_available() and distributed.is_initialized():
+        distributed.barrier()
+        distributed.destroy_process_group()
 
 
 def in_shares(network: nn.Module) -> None:

@@ -14,6 +14,7 @@ from torch import multiprocessing
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint
 from training.puma.config import Config
+from training.puma.parallel import part
 from training.puma.train import LOG, train
 
 pytestmark = pytest.mark.slow
@@ -26,6 +27,7 @@ def work(rank: int, port: int, runs: list[tuple[Config, Path, int]]) -> None:
     torch.set_num_threads(1)
     for config, out, steps in runs:
         train(config, out, steps=steps, quiet=True)
+    part()
 
 
 @pytest.fixture(scope="module")
