@@ -15,7 +15,7 @@ export LP_NUM_THREADS ?= 1
 # many short processes start: let them reuse bytecode
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: build puma test readme lint bench setup clean help
+.PHONY: build puma test slow readme lint bench setup clean help
 
 build: setup  ## set up, then make, export and verify the first dataset (OUT, TASKS, EPISODES)
 	$(VENV)/domino-data build --embodiment aloha --levels 1,2,3 --tasks $(TASKS) --episodes $(EPISODES) --out $(OUT) || test $$? = 3
@@ -35,7 +35,10 @@ test: setup  ## run the tests
 	$(VENV)/pytest
 
 readme: setup  ## run every command of README.md and of the pages that add something, as written (10 minutes)
-	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py tests/training/puma/test_parallel.py
+	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py
+
+slow: setup  ## run the tests that take minutes: training by lerobot-train, training in several processes
+	$(VENV)/pytest -n 2 -m slow --ignore=tests/test_docs_followed.py
 
 lint: setup  ## check style, types and which room imports which
 	$(VENV)/ruff check
