@@ -34,7 +34,7 @@ class Mesh:
 
 
 class _Deferred(Mesh):
-    """A mesh whose arrays are computed when the first of them is read."""
+    """A mesh whose arrays are computed when the first of them is read; a plain one from then on."""
 
     def __init__(self, make: Callable[[], Mesh]) -> None:
         self.__dict__["_make"] = make
@@ -45,6 +45,7 @@ class _Deferred(Mesh):
         made = self.__dict__["_make"]()
         self.__dict__.update({array: getattr(made, array) for array in Mesh.__dataclass_fields__})
         del self.__dict__["_make"]
+        object.__setattr__(self, "__class__", Mesh)  # what takes it apart, as dataclasses.replace does, finds a Mesh
         return self.__dict__[name]
 
     def __reduce__(self) -> tuple[type[Mesh], tuple[Any, ...]]:
