@@ -22,6 +22,8 @@ def run[J, R](
 
     Raises what the work raises, and EngineError.
     """
+    if not jobs:
+        return
     if pool.executor == "inline":
         work = make()
         while jobs:

@@ -8,7 +8,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import ModuleType
 
 from pipeline.run.guard import guarded
 from pipeline.run.pool import SINGLE_THREAD, EngineError, Pool
@@ -52,6 +51,7 @@ def session(pool: Pool) -> Iterator[None]:
 def _local(workers: int) -> Iterator[None]:
     import ray
     from ray._private import ray_constants
+    from ray._private.node import Node
     from ray._raylet import AuthenticationTokenLoader, Config  # pyright: ignore[reportAttributeAccessIssue]  (compiled, no stubs)
 
     threads = {name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()}
@@ -68,6 +68,9 @@ def _local(workers: int) -> Iterator[None]:
         cleared.callback(shutil.rmtree, folder, ignore_errors=True)
         # Ray replaces 127.0.0.1 by the machine's address, except where it believes that clusters are not supported
         cleared.enter_context(_replaced(ray_constants, "ENABLE_RAY_CLUSTER", False))
+        # one machine for one run needs none of them: autoscaler, tail of logs, server of the jobs API; 2 s and 300 MB in all
+        for unneeded in ("start_monitor", "start_log_monitor", "start_api_server"):
+            cleared.enter_context(_replaced(Node, unneeded, lambda *_, **__: None))
         try:
             with _environment(threads | environment), signals_deferred():
                 reload_token()
@@ -141,11 +144,11 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def _replaced(module: ModuleType, name: str, value: object) -> Iterator[None]:
-    """An attribute of a module replaced within."""
-    found = getattr(module, name)
-    setattr(module, name, value)
+def _replaced(owner: object, name: str, value: object) -> Iterator[None]:
+    """An attribute of a module or class replaced within."""
+    found = getattr(owner, name)
+    setattr(owner, name, value)
     try:
         yield
     finally:
-        setattr(module, name, found)
+        setattr(owner, name, found)

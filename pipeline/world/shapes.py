@@ -3,8 +3,10 @@
 Body frames: metres, z up, origin at the centre of the base for objects. Colours are sRGB in 0-1, as a person would pick them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, wraps
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,7 @@ class Mesh:
     vertices: NDArray[np.float32]
     triangles: NDArray[np.uint32]
     normals: NDArray[np.float32]
-    uvs: NDArray[np.float32] | None = None
+    uvs: NDArray[np.float32] | None = field(default_factory=lambda: None)
 
     def moved(self, by: Pose) -> "Mesh":
         """The same mesh carried by a pose."""
@@ -29,6 +31,41 @@ class Mesh:
             quat_rotate(by[3:], self.normals).astype(np.float32),
             self.uvs,
         )
+
+
+class _Deferred(Mesh):
+    """A mesh whose arrays are computed when the first of them is read; a plain one from then on."""
+
+    def __init__(self, make: Callable[[], Mesh]) -> None:
+        self.__dict__["_make"] = make
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in Mesh.__dataclass_fields__ or "_make" not in self.__dict__:
+            raise AttributeError(name)
+        made = self.__dict__["_make"]()
+        self.__dict__.update({array: getattr(made, array) for array in Mesh.__dataclass_fields__})
+        del self.__dict__["_make"]
+        object.__setattr__(self, "__class__", Mesh)  # what takes it apart, as dataclasses.replace does, finds a Mesh
+        return self.__dict__[name]
+
+    def __reduce__(self) -> tuple[type[Mesh], tuple[Any, ...]]:
+        return Mesh, (self.vertices, self.triangles, self.normals, self.uvs)
+
+    def moved(self, by: Pose) -> Mesh:
+        return _Deferred(lambda: Mesh.moved(self, by))
+
+
+def deferred[**P](make: Callable[P, Mesh]) -> Callable[P, Mesh]:
+    """Function decorator: the mesh that is returned is computed when one of its arrays is first read.
+
+    Layouts, plans and simulations look at the collision pieces alone, and the arrays take longer than a layout.
+    """
+
+    @wraps(make)
+    def later(*arguments: P.args, **options: P.kwargs) -> Mesh:
+        return _Deferred(lambda: make(*arguments, **options))
+
+    return later
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
@@ -124,9 +161,15 @@ class Shape:
     friction: float = 0.6
 
     def aabb(self) -> NDArray[np.float64]:
-        """Axis-aligned bounds of the collision pieces in the body frame, (2,3): lower, upper."""
+        """Axis-aligned bounds of the collision pieces in the body frame, (2,3): lower, upper; read-only."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> NDArray[np.float64]:
         points = np.concatenate([c.support_points() for c in self.collision])
-        return np.stack([points.min(0), points.max(0)])
+        bounds = np.stack([points.min(0), points.max(0)])
+        bounds.setflags(write=False)
+        return bounds
 
     def footprint_radius(self) -> float:
         """Largest horizontal distance (m) of the collision bounds from the body origin."""

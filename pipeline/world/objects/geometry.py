@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from pipeline.poses import pose, quat_about
 from pipeline.world.objects.surface import box_uv, finish
-from pipeline.world.shapes import Mesh
+from pipeline.world.shapes import Mesh, deferred
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
@@ -20,6 +20,7 @@ def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 
     return mesh.moved(pose(position, quaternion))
 
 
+@deferred
 def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
     """The mesh stretched along the axes by positive factors; normals go with the inverse factors."""
     factors = np.array([x, y, z], np.float32)
@@ -28,6 +29,7 @@ def scaled(mesh: Mesh, x: float, y: float, z: float) -> Mesh:
     return Mesh(mesh.vertices * factors, mesh.triangles, normals, mesh.uvs)
 
 
+@deferred
 def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     """Surface of revolution about z of `profile` (K,2) of (radius, z), walked with the material on its left.
 
@@ -50,6 +52,7 @@ def revolve(profile: ArrayLike, sides: int = 24, crease: float = 40.0) -> Mesh:
     return finish(points.reshape(-1, 3), faces, np.concatenate([first, second]), crease)
 
 
+@deferred
 def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int = 3) -> Mesh:
     """A label round a cylinder, from height `lower` to `upper`, readable from outside.
 
@@ -64,6 +67,7 @@ def band(radius: float, lower: float, upper: float, sides: int = 24, prints: int
     return finish(points, faces, uv[faces], 60.0)
 
 
+@deferred
 def decal(width: float, height: float, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
     """A rectangle in the local xy plane facing +z, the image upright along +y, placed by `position` and `quaternion`."""
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * [width / 2, height / 2, 1]
@@ -72,6 +76,7 @@ def decal(width: float, height: float, position: ArrayLike = (0, 0, 0), quaterni
     return at(finish(points, faces, uv[faces]), position, quaternion)
 
 
+@deferred
 def box(hx: float, hy: float, hz: float, bevel: float = 0.0) -> Mesh:
     """Box of half extents, centred, its edges and corners chamfered by `bevel` (m); 12 or 44 triangles, uv per side."""
     half = np.array([hx, hy, hz])
@@ -95,6 +100,7 @@ def hull_faces(points: NDArray) -> NDArray[np.integer]:
     return faces
 
 
+@deferred
 def cylinder(radius: float, height: float, sides: int = 24, bevel: float = 0.0) -> Mesh:
     """Closed cylinder from z = 0 to `height`, rims chamfered by `bevel`."""
     if bevel <= 0:
@@ -109,6 +115,7 @@ def arc(centre: Sequence[float], radius: float, start: float, end: float, n: int
     return [(float(centre[0] + radius * np.cos(a)), float(centre[1] + radius * np.sin(a))) for a in angle]
 
 
+@deferred
 def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
     """Sphere centred at the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
@@ -117,6 +124,7 @@ def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
     return revolve(profile, sides, 60.0)
 
 
+@deferred
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
     """Capsule along z, centred: a cylinder of half length `half` with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
@@ -125,6 +133,7 @@ def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh
     return revolve(profile, sides, 60.0)
 
 
+@deferred
 def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
     """Skin through `sections` (S,K,3): closed rings, counter-clockwise seen against the direction of travel.
 
@@ -155,6 +164,7 @@ def loft(sections: ArrayLike, caps: bool = True, crease: float = 40.0) -> Mesh:
     return finish(points, np.concatenate(faces), np.concatenate(uvs), crease)
 
 
+@deferred
 def sweep(path: ArrayLike, radius: ArrayLike, sides: int = 8, closed: bool = False) -> Mesh:
     """Round tube of `radius` (m; a number or one per point) along `path` (N,3); flat ends, or a loop when `closed`."""
     path = np.asarray(path, float)
@@ -186,6 +196,7 @@ def _transported(tangent: NDArray) -> NDArray[np.float64]:
     return np.array(sides)
 
 
+@deferred
 def extrude(outline: ArrayLike, height: float, bevel: float = 0.0, crease: float = 35.0) -> Mesh:
     """Prism from z = 0 to `height` over `outline` (K,2), counter-clockwise and possibly concave, both rims chamfered by `bevel`."""
     outline = np.asarray(outline, float)
@@ -243,6 +254,7 @@ def stacked(outline: ArrayLike, levels: ArrayLike) -> NDArray[np.float64]:
     return np.concatenate([rings, np.broadcast_to(levels[:, None, :1], (*rings.shape[:2], 1))], axis=-1)
 
 
+@deferred
 def stack(outline: ArrayLike, levels: ArrayLike, crease: float = 50.0) -> Mesh:
     """Closed body through scaled copies of `outline` (K,2) at levels (L,3) of (z, scale x, scale y), from the bottom up."""
     return loft(stacked(outline, levels), crease=crease)

@@ -8,11 +8,12 @@ from manifold3d import Manifold
 from manifold3d import Mesh as SolidMesh
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.world.shapes import Mesh
+from pipeline.world.shapes import Mesh, deferred
 
 WELD = 1e-6  # m: points closer than this are one point
 
 
+@deferred
 def finish(points: ArrayLike, faces: ArrayLike, uv: ArrayLike | None = None, crease: float = 40.0) -> Mesh:
     """Mesh of `points` (P,3) m and `faces` (M,3), outward counter-clockwise, with optional corner uvs (M,3,2).
 
@@ -78,6 +79,7 @@ def box_uv(points: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     return np.stack([np.where(mirrored[:, None], 1 - u, u), 1 - v], axis=-1)
 
 
+@deferred
 def join(*meshes: Mesh) -> Mesh:
     """One mesh of several; uvs survive only if all have them."""
     offsets = np.cumsum([0, *(len(m.vertices) for m in meshes[:-1])])
