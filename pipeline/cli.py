@@ -31,6 +31,7 @@ from pipeline.commands.serve_policy import serve_policy
 from pipeline.commands.show import show
 from pipeline.commands.stores import on_stores
 from pipeline.commands.view import view
+from pipeline.data.disk import said_of
 from pipeline.data.errors import DominoError
 from pipeline.data.mirror import with_urls
 from pipeline.data.reading import printable
@@ -79,8 +80,7 @@ def main() -> None:
         print(f"domino-data: {printable(with_urls(str(error)))}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        print(printable(with_urls(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}")), file=sys.stderr)
+        print(f"domino-data: {printable(with_urls(said_of(error)))}", file=sys.stderr)
         sys.exit(2)
     # the exit code of a verb that raised typer.Exit
     sys.exit(code if isinstance(code, int) else 0)

@@ -20,14 +20,15 @@ import os
 import re
 import stat
 import threading
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote, unquote
 
 from pipeline.data.atomic import remove, temporary_name
+from pipeline.data.lease import LEASE, leased
 from pipeline.data.store import Listed, Store, StoreError
 
 CACHE = "DOMINO_DATA_CACHE"
@@ -44,7 +45,8 @@ _YEARS = 9 * 10**17  # ns: until 1998
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
-_LAST = ("ledger/", "report/")
+_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/[^/]+$")
+"""What is sent after everything else: what names other files."""
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _LONGEST = 240  # bytes; names of files have at most 255
 
@@ -70,7 +72,7 @@ def mirror_of(path: Path) -> "Mirror | None":
     """The mirror that a path is in, None for every other path."""
     parts = Path(path).parts
     for number in range(len(parts) - 1, 0, -1):
-        if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number]:
+        if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number] and not parts[number].startswith("."):
             return _mirror(Path(*parts[: number + 1]))
     return None
 
@@ -92,9 +94,9 @@ class Mirror:
         """The object that a file of the mirror stands for."""
         return path.relative_to(self.root).as_posix()
 
-    def pull(self) -> set[str]:
-        """Make the mirror what the store holds: small files fetched, all others listed only. Names of the objects."""
-        listed = {name: each for name, each in self.store.list().items() if _plain(name)}
+    def pull(self) -> None:
+        """Make the mirror what the store holds: small files fetched, all others listed only."""
+        listed = {name: each for name, each in self.store.list().items() if _plain(name) and name != LEASE}
         self.root.mkdir(parents=True, exist_ok=True)
         for path in list(self._files()):
             if self.name(path) not in listed:
@@ -107,11 +109,14 @@ class Mirror:
             if _AT_ONCE.fullmatch(name) and is_listed(path):
                 wanted.append(path)
         self.fetch(wanted)
-        return set(listed)
 
     def fetch(self, paths: Iterable[Path]) -> None:
         """Get the bytes of files that are listed only."""
         _on_threads(self._fetch, [path for path in paths if is_listed(path)])
+
+    def fetch_below(self, folder: Path) -> None:
+        """As `fetch`, for everything below a directory."""
+        self.fetch([path for path in folder.rglob("*") if not path.is_dir()])
 
     def find(self, path: Path) -> bool:
         """Get a file that is not in the mirror, nor was when it was pulled: another machine wrote it. Whether there is one."""
@@ -130,7 +135,7 @@ class Mirror:
         """Write to the store what was written here: first what others name, then the ledger, then the rest."""
         files = [path for path in self._files() if is_new(path) and not path.name.endswith((".tmp", ".running"))]
         names = {path: self.name(path) for path in files}
-        last = [path for path in files if "/" not in names[path] or names[path].startswith(_LAST)]
+        last = [path for path in files if _LAST.match(names[path])]
         self.push(path for path in files if path not in set(last))
         self.push(last)
 
@@ -150,10 +155,6 @@ class Mirror:
         names = [self.name(path) for path in paths]
         if names:
             self.store.delete(names)
-
-    def delete_missing(self, names: Collection[str]) -> None:
-        """Delete those of some objects whose files are gone from the mirror."""
-        self.delete(path for path in (self.root / name for name in sorted(names)) if not os.path.lexists(path))
 
     def _fetch(self, path: Path) -> None:
         # two threads may want the same file
@@ -206,6 +207,13 @@ def fetched(path: Path) -> bool:
     return mirror.find(path)
 
 
+def fetched_below(folder: Path) -> None:
+    """As `fetched`, for all files below a directory that are listed only: for libraries that read them by themselves."""
+    mirror = mirror_of(folder)
+    if mirror is not None:
+        mirror.fetch_below(folder)
+
+
 def sent(*paths: Path) -> None:
     """Write files to the store that they belong to, if any, so that they are there when this returns. Raises StoreError."""
     mirror = mirror_of(paths[0]) if paths else None
@@ -221,13 +229,25 @@ def withdrawn(*paths: Path) -> None:
 
 
 @contextmanager
+def replaced(folder: Path) -> Iterator[None]:
+    """Within, a directory is replaced by another. Where it is in a mirror, its objects are replaced at the end; nothing happens to
+    them where the block fails. Raises StoreError."""
+    mirror = mirror_of(folder)
+    before = [path for path in folder.rglob("*") if not path.is_dir()] if mirror else []
+    yield
+    if mirror is not None:
+        mirror.push_all()
+        mirror.delete(path for path in before if not os.path.lexists(path))
+
+
+@contextmanager
 def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
     """A directory with what is below a URL, for one command, which may be one of several at the same time.
 
     What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
     """
-    with _free(url) as mirror:
-        before = mirror.pull()
+    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext():
+        mirror.pull()
         try:
             yield mirror.root
         except StoreError:
@@ -238,7 +258,6 @@ def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
             raise
         if writes:
             mirror.push_all()
-            mirror.delete_missing(before)
 
 
 @contextmanager

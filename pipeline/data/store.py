@@ -118,12 +118,17 @@ class Store:
         self._do("write", name, lambda fs, root: fs.pipe_file(f"{root}/{name}", data))
 
     def create(self, name: str, data: bytes) -> bool:
-        """Write a small object unless there is one of that name; whether it was written. Not every kind of store can tell: there it
-        is written."""
+        """Write a small object unless there is one of that name; whether it was written. Some stores cannot do both at once:
+        two that ask in the same moment are both told yes."""
 
         def send(fs: Any, root: str) -> bool:
+            path = f"{root}/{name}"
             try:
-                fs.pipe_file(f"{root}/{name}", data, mode="create")
+                fs.pipe_file(path, data, mode="create")
+            except (NotImplementedError, TypeError, ValueError):
+                if fs.exists(path):
+                    return False
+                fs.pipe_file(path, data)
             except FileExistsError:
                 return False
             except OSError as error:
