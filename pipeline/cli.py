@@ -29,8 +29,11 @@ from pipeline.commands.publish import publish
 from pipeline.commands.render import render
 from pipeline.commands.serve_policy import serve_policy
 from pipeline.commands.show import show
+from pipeline.commands.stores import on_stores
 from pipeline.commands.view import view
+from pipeline.data.disk import said_of
 from pipeline.data.errors import DominoError
+from pipeline.data.mirror import with_urls
 from pipeline.data.reading import printable
 
 VERBS = (
@@ -58,7 +61,7 @@ def options(
 
 
 for _verb in VERBS:
-    app.command(cls=CLASSES.get(_verb))(_verb)
+    app.command(cls=CLASSES.get(_verb))(on_stores(_verb))
 app.add_typer(assets_app, name="assets")
 
 
@@ -74,11 +77,10 @@ def main() -> None:
         print(f"domino-data: {' '.join(error.format_message().split()).rstrip('.')}; see {command} --help", file=sys.stderr)
         sys.exit(2)
     except DominoError as error:
-        print(f"domino-data: {printable(str(error))}", file=sys.stderr)
+        print(f"domino-data: {printable(with_urls(str(error)))}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        print(printable(f"domino-data: {where}{' '.join((error.strerror or str(error)).split())}"), file=sys.stderr)
+        print(f"domino-data: {printable(with_urls(said_of(error)))}", file=sys.stderr)
         sys.exit(2)
     # the exit code of a verb that raised typer.Exit
     sys.exit(code if isinstance(code, int) else 0)

@@ -17,6 +17,8 @@ from pipeline.annotate.keys import AnnotateError
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, checksum, read_entry, stages_of
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.keys import canonical
+from pipeline.data.mirror import sent
+from pipeline.data.reading import check_regular
 
 GZIP_LEVEL = 1
 CHUNK_BYTES = 1 << 20
@@ -35,7 +37,8 @@ def write_entry(
 ) -> Entry:
     """Write one annotation atomically. Arrays named in `compressed` are stored with gzip in chunks of whole frames.
 
-    The same arguments give the same bytes. Raises OSError where the disk refuses; nothing is left behind then.
+    The same arguments give the same bytes. Raises OSError where the disk refuses, StoreError where an object store does; nothing is
+    left behind then.
     """
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as f:
@@ -49,6 +52,7 @@ def write_entry(
                 frames = max(1, min(len(a), CHUNK_BYTES * len(a) // a.nbytes))
                 options = {"chunks": (frames, *a.shape[1:]), "compression": "gzip", "compression_opts": GZIP_LEVEL}
             f.create_dataset(name, data=a, track_times=False, **options)
+    sent(path)
     return entry
 
 
@@ -57,6 +61,7 @@ def entry_header(path: Path) -> tuple[str, str]:
     if not path.is_file():
         raise FileNotFoundError(path)
     try:
+        check_regular(path)
         with h5py.File(path, "r") as f:
             return str(f.attrs["key"]), str(f.attrs["checksum"])
     except (OSError, KeyError, RuntimeError) as error:
@@ -80,6 +85,7 @@ def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -
     if path.is_file() and path.read_text() == text:
         return
     write_atomic(path, text.encode())
+    sent(path)
 
 
 def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
@@ -105,6 +111,7 @@ def load(dataset: Path, directory: str, episode: Path, names: Collection[str] | 
     path = annotation_path(dataset, directory, episode)
     if names is None:
         return dict(read_entry(path).arrays)
+    check_regular(path)
     with h5py.File(path, "r") as f:
         return {name: np.asarray(f[name]) for name in names}
 

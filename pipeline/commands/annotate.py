@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say, warn_of_stale
+from pipeline.data.mirror import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 
@@ -73,7 +74,7 @@ def annotate(
                 execution=Execution(pool_of(executor, workers, address), device, dry_run, progress=not as_json),
             )
     except Stopped:
-        print(f"stopped; what is finished is in {dataset}, the same command goes on", file=sys.stderr)
+        print(f"stopped; what is finished is in {with_urls(str(dataset))}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     if source.manifest.exists():
         warn_of_stale(source, source.recipe())

@@ -37,6 +37,7 @@ from pipeline.commands.common import (
     table,
 )
 from pipeline.data.dataset import Dataset
+from pipeline.data.mirror import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 if TYPE_CHECKING:  # it takes a second to import
@@ -65,9 +66,10 @@ def build(
     slot_timeout: Annotated[
         float, typer.Option(help="Seconds one attempt at a slot may take before its worker counts as hung.")
     ] = 600.0,
-    out: Annotated[Path, typer.Option(help="The dataset directory; the same command again goes on where it stopped.")] = Path(
-        "OUT"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option(help="The dataset, a directory or URL; the same command again goes on where it stopped."),
+    ] = Path("OUT"),
     progress: Annotated[
         str, typer.Option(help="bar, json (one object a line on standard output, docs/cluster.md) or none.")
     ] = "bar",
@@ -102,7 +104,7 @@ def build(
         with stop_on_signal():
             result = run_build(out, recipe, pool, slot_timeout, kind, assets)
     except Stopped:
-        print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
+        print(f"stopped; what is finished is in {with_urls(str(out))}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     if kind == "json":
         print(json.dumps({"event": "result", **result.__dict__}))
@@ -112,8 +114,8 @@ def build(
         print(f"domino-data: {line}", file=sys.stderr)
     if result.given_up:
         print(
-            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: `domino-data status {out}` "
-            "says why",
+            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: "
+            f"`domino-data status {with_urls(str(out))}` says why",
             file=sys.stderr,
         )
     if result.given_up or result.stopped:

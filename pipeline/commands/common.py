@@ -11,6 +11,7 @@ import typer
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
+from pipeline.data.mirror import with_urls
 from pipeline.data.recipe import Recipe
 from pipeline.data.recipe_file import read_recipe
 from pipeline.run.names import recipe_from
@@ -23,7 +24,7 @@ GIVEN_UP = 3
 MOST_WORKERS = 10_000
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
-Root = Annotated[Path, typer.Argument(help="The dataset directory.", metavar="DATASET")]
+Root = Annotated[Path, typer.Argument(help="The dataset, a directory or URL (docs/storage.md).", metavar="DATASET")]
 
 
 class UsageError(DominoError):
@@ -32,7 +33,7 @@ class UsageError(DominoError):
 
 def say(values: Any, as_json: bool, text: str) -> None:
     """Print JSON for a program, or text for a person."""
-    print(json.dumps(values, indent=1) if as_json else text)
+    print(with_urls(json.dumps(values, indent=1) if as_json else text))
 
 
 def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -55,7 +56,7 @@ def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
     if stale:
         print(
             f"domino-data: warning: {stale} episodes are of another version of code or recipe and are used as they are; "
-            f"`domino-data status {dataset.root}` says what changed",
+            f"`domino-data status {with_urls(str(dataset.root))}` says what changed",
             file=sys.stderr,
         )
 

@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 
 from pipeline.commands.common import AsJson, Root, UsageError, Workers, executor_of, say, warn_of_stale
 from pipeline.data.dataset import Dataset
+from pipeline.data.mirror import replaced
 from pipeline.data.recipe import Recipe
 
 GIVEN = "given"
@@ -121,7 +122,8 @@ def export(
     with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
         describing = describe(source.root, sorted(episodes), more)
         job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing, split)
-        values = exporter.export(job)
+        with replaced(place):
+            values = exporter.export(job)
     warn_of_stale(source, recipe)
     say(values, as_json, f"{len(episodes)} {'failed attempts' if failures else 'episodes'} written to {place}")
 

@@ -9,6 +9,7 @@ import typer
 
 from pipeline.commands.common import Address, AsJson, Executor, Root, UsageError, Workers, listed, pool_of, say
 from pipeline.data.dataset import Dataset
+from pipeline.data.mirror import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 SENSORS = ("rgb", "depth", "segmentation", "pointcloud")
@@ -51,7 +52,7 @@ def render(
         with stop_on_signal():
             result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet, flags=FLAGS)
     except Stopped:
-        print(f"stopped; what is finished is in {out}, the same command goes on", file=sys.stderr)
+        print(f"stopped; what is finished is in {with_urls(str(out))}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     lines = [
         f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn now, {result.given_up} given up, "

@@ -28,7 +28,7 @@ def view(
     from pipeline.report.viewer.rerun_log import log_episode
 
     source = Dataset(dataset)
-    there = sorted(source.intact_episodes(source.recipe()))
+    there = sorted(source.accepted(source.recipe()))
     if not there:
         raise UsageError(f"{dataset} has no finished episodes to show")
     if serve:
@@ -42,6 +42,8 @@ def view(
             except KeyboardInterrupt:
                 return
     chosen = choose(there, episodes)
+    for path in chosen:
+        source.check_bytes(path.relative_to(source.episodes))
     if rerun is not None:
         names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
         made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode import INFLATION
 from pipeline.data.keys import arrays_digest, canonical
-from pipeline.data.reading import parse_json, read_regular
+from pipeline.data.reading import check_regular, parse_json, read_regular
 
 
 class CorruptAnnotation(Exception):
@@ -49,6 +49,7 @@ def read_entry(path: Path) -> Entry:
     if not path.is_file():
         raise FileNotFoundError(path)
     try:
+        check_regular(path)
         with h5py.File(path, "r") as f:
             claimed = sum(item.nbytes for item in f.values() if isinstance(item, h5py.Dataset))
             if claimed > INFLATION * path.stat().st_size:

@@ -16,6 +16,7 @@ from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import Ledger
+from pipeline.data.mirror import sent
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
@@ -137,11 +138,15 @@ class Dataset:
                     f"{self.root} holds another recipe, with more: {'; '.join(more)}: name all of it and what is new "
                     "(a dataset only grows), or choose another --out"
                 )
-            write_atomic(self.manifest, recipe.to_yaml().encode())
+            self._freeze(recipe)
             return
         if self.root.exists() and any(self.root.iterdir()):
             raise DatasetError(f"{self.root} is not empty and is no dataset: choose another --out")
+        self._freeze(recipe)
+
+    def _freeze(self, recipe: Recipe) -> None:
         write_atomic(self.manifest, recipe.to_yaml().encode())
+        sent(self.manifest)
 
     def recipe(self) -> Recipe:
         """The frozen recipe, whose names were resolved when it was frozen. Raises DatasetError where there is none."""

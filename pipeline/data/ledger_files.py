@@ -33,6 +33,7 @@ from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.keys import canonical
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_table import PLACE, SCHEMA, cell_of, decoded, encoded, place_of, record_of, slot_of, table_of
+from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.reading import IRREGULAR, parse_json, read_regular
 from pipeline.data.recipe import DEFAULT_ALPHA, Slot
 
@@ -192,6 +193,7 @@ class Ledger:
         """Write entries as one new segment of the journal. Raises OSError where the disk refuses."""
         path = self.segments / f"{self.next_segment() if number is None else number:010d}.jsonl"
         write_atomic(path, b"".join(line_of(slot, record) for slot, record in entries))
+        sent(path)
 
     def compact(self) -> int:
         """Move the journal, and entries of the old layout, into the files; how many entries these hold then, of the tasks and
@@ -203,15 +205,18 @@ class Ledger:
             if path.is_dir():
                 remove(path)
             write_atomic(path, encoded(table))
+            sent(path)
             rows += len(table)
         for segment in journal.segments:
             remove(segment)
+        withdrawn(*journal.segments)
         if journal.segments:
             with suppress(OSError):  # another process has written a segment meanwhile
                 self.segments.rmdir()
         for group, found in old.items():
             for path in found.values():
                 remove(path)
+            withdrawn(*found.values())
             _remove_empty(self.root / group[0] / group[1])
         return rows
 

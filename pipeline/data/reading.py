@@ -8,15 +8,27 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.mirror import LISTED, fetched
+
 IRREGULAR = "is no regular file; remove it"
 """What is said of a directory, pipe, socket or device in place of a file."""
 
 
 def check_regular(path: Path) -> None:
-    """Raise OSError for a path that is there and is no regular file, so that nothing waits for a pipe or reads a device."""
-    mode = os.stat(path).st_mode
+    """Raise OSError for a path that is there and is no regular file, so that nothing waits for a pipe or reads a device.
+
+    A file of an object store whose bytes are not on this machine is fetched. Raises StoreError where it cannot be.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        if not fetched(path):
+            raise
+        mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
         raise OSError(errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL, IRREGULAR, str(path))
+    if stat.S_IMODE(mode) == LISTED:
+        fetched(path)
 
 
 def open_regular(path: Path) -> BufferedReader:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.keys import digest, file_hash
+from pipeline.data.mirror import fetched_below, mirror_of
 from pipeline.data.reading import parse_json, read_regular
 from pipeline.export.common import SOURCES, ExportError, source_of, write_json
 
@@ -45,6 +46,7 @@ class Older:
 
     def __init__(self, root: Path, made_with: Mapping[str, Any]) -> None:
         self.root = root
+        fetched_below(root)
         self._sound: dict[str, bool] = {}
         self.files: dict[str, dict[str, Any]] = {}
         try:
@@ -99,6 +101,8 @@ class Draft:
             return False
         path.parent.mkdir(parents=True, exist_ok=True)
         _link(self.older.root / older, path)
+        if older != self._name(path) and mirror_of(self.out):
+            os.utime(path)  # an object of that name has other bytes
         self._files[self._name(path)] = {"from": key, "sha256": self.older.files[older]["sha256"], **said}
         return True
 

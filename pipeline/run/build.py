@@ -17,6 +17,7 @@ from pipeline.data.episode import EpisodeError
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.lock import exclusive
+from pipeline.data.mirror import sent, with_urls
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import compiled, warm_up
 from pipeline.report.page import refresh
@@ -80,6 +81,7 @@ def build(
     dataset.create(recipe)
     with exclusive(root):
         copy_meshes(meshes, dataset.assets)
+        sent(*dataset.assets.glob("robots/**/*"))
         return _build(dataset, recipe, pool, timeout, shown, device)
 
 
@@ -158,7 +160,7 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
         return
     cost = cost_of(dataset, recipe)
     progress.say(
-        f"episodes to make: {len(todo):,}, in {dataset.root}; {cost.said(len(todo), pool.workers)}. "
+        f"episodes to make: {len(todo):,}, in {with_urls(str(dataset.root))}; {cost.said(len(todo), pool.workers)}. "
         "Ctrl-C stops; the same command goes on"
     )
     if not compiled():

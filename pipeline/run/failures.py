@@ -6,6 +6,7 @@ from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import SlotKeys
 from pipeline.data.meta import FailureInfo
+from pipeline.data.mirror import withdrawn
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.run.make import draw, episode_of, write
@@ -56,5 +57,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
 def remove_failures(dataset: Dataset, slot: Slot) -> None:
     """Remove the failed attempts that are kept of a slot, before it is made anew."""
     first = dataset.failure(slot, 0)
-    for path in first.parent.glob(f"{first.stem.removesuffix('000')}*.hdf5"):
+    found = list(first.parent.glob(f"{first.stem.removesuffix('000')}*.hdf5"))
+    for path in found:
         remove(path)
+    withdrawn(*found)

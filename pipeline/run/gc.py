@@ -9,6 +9,7 @@ from pipeline.data.atomic import remove, sweep
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.lock import exclusive
+from pipeline.data.mirror import withdrawn
 from pipeline.data.recipe import Recipe
 
 HALF = "half-written"
@@ -46,6 +47,7 @@ def _collect(dataset: Dataset, recipe: Recipe, dry_run: bool) -> list[Orphan]:
         for orphan in found:
             if orphan.why != HALF:  # only those whose process is gone
                 remove(dataset.root / orphan.path)
+        withdrawn(*(dataset.root / orphan.path for orphan in found if orphan.why != HALF))
         for folder in ("episodes", "annotations", "assets/bodies"):
             _remove_empty(dataset.root / folder)
     return found

@@ -16,6 +16,7 @@ from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.stamps import file_stamp
 from pipeline.run.keys import code_version, redrawn_keys
 from pipeline.run.make import Look, as_wanted, images_of, read_facts, write
+from pipeline.run.sending import send_slot
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import stored_appearance, visuals_of
 from pipeline.world.appearance import load_parts
@@ -91,7 +92,8 @@ def draw_slot(job: DrawJob) -> Drawn:
             return Drawn(None, str(error))
     # failed attempts stay with the dataset that made them
     attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
-    return Drawn(SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known))
+    drawn = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known)
+    return Drawn(send_slot(out, job.slot, drawn))
 
 
 def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> tuple[str, FileFacts]:

@@ -19,6 +19,7 @@ from pipeline.run.failures import Failed, keep_failure, remove_failures
 from pipeline.run.keys import code_version, slot_keys
 from pipeline.run.last_frames import keep_last_frames
 from pipeline.run.make import draw, episode_of, read_facts, renew, write
+from pipeline.run.sending import send_slot
 from pipeline.run.worker_log import worker_log
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
@@ -59,14 +60,15 @@ def slot_worker() -> Callable[[SlotJob], SlotRecord]:
 
 def fill_logged(job: SlotJob) -> SlotRecord:
     """As `fill_slot`; what is printed meanwhile is kept in logs/ where the slot is given up, raises, or has lost two workers."""
-    with worker_log(Dataset(Path(job.root)).log(job.slot)) as log:
+    dataset = Dataset(Path(job.root))
+    with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")
         record = fill_slot(job)
         log.keep = not record.accepted or bool(job.lost)
         for row in record.attempts:
             if row["reason"]:
                 print(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}: {row['detail']}")
-    return record
+    return send_slot(dataset, job.slot, record)
 
 
 def fill_slot(job: SlotJob) -> SlotRecord:

@@ -1,0 +1,48 @@
+"""URLs of object stores (s3://, gs://, hf://, ...) in place of dataset directories: which verbs take them where."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+from pipeline.commands.common import UsageError
+from pipeline.data.mirror import mirrored, url_of
+
+READS, WRITES = False, True
+TAKEN = {
+    "build": {"out": WRITES},
+    "plan": {"out": READS},
+    "status": {"dataset": READS},
+    "verify": {"dataset": READS},
+    "render": {"dataset": READS, "out": WRITES},
+    "view": {"dataset": READS},
+    "export": {"dataset": WRITES, "out": WRITES},
+    "annotate": {"dataset": WRITES},
+    "diff": {"a": READS, "b": READS},
+    "regenerate": {"dataset": READS},
+    "gc": {"dataset": WRITES},
+}
+"""Of every verb the parameters that may be URLs, and whether it changes what is there."""
+
+
+def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb, which works on mirrors (data/mirror.py) where URLs are given. Raises UsageError where it cannot."""
+
+    @wraps(verb)
+    def run(**given: Any) -> None:
+        taken = TAKEN.get(verb.__name__, {})
+        with ExitStack() as stack:
+            for name, value in list(given.items()):
+                urls = [url_of(each) for each in (value if isinstance(value, list) else [value]) if isinstance(each, Path)]
+                url = next(filter(None, urls), None)
+                if url is None:
+                    continue
+                if name not in taken:
+                    raise UsageError(f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine there, no URL")
+                if verb.__name__ == "view" and not (given["out"] or given["serve"] or given["rerun"]):
+                    raise UsageError(f"{url}: the pages are for this machine: add --out DIR, or --serve")
+                given[name] = stack.enter_context(mirrored(url, taken[name]))
+            verb(**given)
+
+    return run

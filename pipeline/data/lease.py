@@ -1,0 +1,86 @@
+"""One command at a time writes a dataset on an object store, which has no locks: an object says who does, and until when."""
+
+import json
+import os
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.lock import Busy
+from pipeline.data.store import Store, StoreError
+
+LEASE = ".writing.json"
+"""The object. It is no file of the dataset."""
+
+SECONDS = 300.0
+"""How long a lease lasts that is not renewed; it is renewed five times as often."""
+
+
+@contextmanager
+def leased(store: Store, seconds: float = SECONDS) -> Iterator[None]:
+    """Hold the lease of a store. A process that is killed leaves it behind: the next one on the same machine takes it over at once,
+    one on another machine when it has run out.
+
+    Raises Busy where another process holds it, StoreError. Where a store cannot write an object only if it is not there, two
+    processes that begin in the same moment both get it.
+    """
+    mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex}
+    _take(store, mine, seconds)
+    ended = threading.Event()
+    keeper = threading.Thread(target=_keep, args=(store, mine, seconds, ended), daemon=True)
+    keeper.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        keeper.join()
+        with suppress(StoreError):  # it runs out by itself
+            if (held := _held(store)) and held.get("id") == mine["id"]:
+                store.delete([LEASE])
+
+
+def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
+    said = _said(mine, seconds)
+    if store.create(LEASE, said):
+        return
+    held = _held(store)
+    if held is not None and not _over(held):
+        left = max(1, round(held["until"] - time.time()))
+        raise Busy(
+            f"{store.url}: another command is writing it (process {held['process']} on {held['host']}): wait until that has ended, "
+            f"or stop it; if it was killed, the same command works in {left} s"
+        )
+    store.delete([LEASE])
+    if not store.create(LEASE, said):
+        raise Busy(f"{store.url}: another command has just begun to write it: wait until that has ended, or stop it")
+
+
+def _keep(store: Store, mine: dict[str, Any], seconds: float, ended: threading.Event) -> None:
+    """Renew the lease until it has ended. A store that cannot be reached stops the command elsewhere."""
+    while not ended.wait(seconds / 5):
+        with suppress(StoreError, OSError):
+            store.write(LEASE, _said(mine, seconds))
+
+
+def _said(mine: dict[str, Any], seconds: float) -> bytes:
+    return json.dumps(mine | {"until": time.time() + seconds}).encode()
+
+
+def _held(store: Store) -> dict[str, Any] | None:
+    """Who holds the lease; None where nobody does, or nobody can tell."""
+    try:
+        values = json.loads(store.read(LEASE) or b"")
+        return values | {"until": float(values["until"]), "process": int(values["process"]), "host": str(values["host"])}
+    except (ValueError, TypeError, KeyError):
+        return None
+
+
+def _over(held: dict[str, Any]) -> bool:
+    """Whether a lease has run out, or its process on this machine is gone."""
+    gone = held["host"] == socket.gethostname() and not Path(f"/proc/{held['process']}").exists()
+    return gone or held["until"] < time.time()

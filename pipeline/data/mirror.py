@@ -1,0 +1,323 @@
+"""Datasets on an object store: the directory of this machine that stands for one while a command works on it.
+
+    CACHE/mirrors/s3%3A%2F%2Fbucket%2Fset/        what is below s3://bucket/set, file for object
+    CACHE/mirrors/s3%3A%2F%2Fbucket%2Fset~1/      the same for a second command at the same time
+
+A mirror says by its name what it mirrors, so that any process on any machine knows it from a path. Its files are of three kinds:
+
+- written here: last changed when it was written;
+- the same as the object: its time of change, before 1999, is made from what the store says of the object (`mark`), so that the
+  stamps (stamps.py) of a file are the same on all machines, and change when the object does;
+- listed only: as the former, with its length, without its bytes and without the permission to read it (LISTED). Reading it through
+  data/reading.py fetches it first.
+
+Nothing that is only in a mirror counts: what the store lacks is removed when the next command pulls.
+"""
+
+import fcntl
+import hashlib
+import os
+import re
+import stat
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote, unquote
+
+from pipeline.data.atomic import remove, temporary_name
+from pipeline.data.lease import LEASE, leased
+from pipeline.data.store import Listed, Store, StoreError
+
+CACHE = "DOMINO_DATA_CACHE"
+"""Environment variable: where mirrors are kept; otherwise below the user's cache."""
+
+FOLDER = "mirrors"
+LISTED = stat.S_IWUSR
+"""Permissions of a file without its bytes."""
+
+SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "oci", "oss", "memory", "sftp", "ssh", "smb", "hdfs")
+"""URLs that name a store."""
+
+_YEARS = 9 * 10**17  # ns: until 1998
+_THREADS = 8
+_AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
+"""What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
+_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/[^/]+$")
+"""What is sent after everything else: what names other files."""
+_URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
+_LONGEST = 240  # bytes; names of files have at most 255
+
+
+def url_of(text: str | Path) -> str | None:
+    """The URL of a store that a text is, also one that was taken for a path, None for a path."""
+    match = _URL.fullmatch(str(text))
+    return f"{match[1]}://{match[2].rstrip('/')}" if match else None
+
+
+def cache() -> Path:
+    """Where mirrors are kept."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(os.environ.get(CACHE) or Path(home) / "domino-data").absolute()
+
+
+def mark(listed: Listed) -> int:
+    """Time of change (ns) of a file that is the same as an object: a number that is made from the object's identity."""
+    return int(hashlib.sha256(listed.identity.encode()).hexdigest()[:15], 16) % _YEARS
+
+
+def mirror_of(path: Path) -> "Mirror | None":
+    """The mirror that a path is in, None for every other path."""
+    parts = Path(path).parts
+    for number in range(len(parts) - 1, 0, -1):
+        if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number] and not parts[number].startswith("."):
+            return _mirror(Path(*parts[: number + 1]))
+    return None
+
+
+@lru_cache(maxsize=64)
+def _mirror(root: Path) -> "Mirror":
+    return Mirror(root)
+
+
+class Mirror:
+    """A directory that mirrors a store."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.url = unquote(root.name.partition("~")[0])
+        self.store = Store(self.url)
+
+    def name(self, path: Path) -> str:
+        """The object that a file of the mirror stands for."""
+        return path.relative_to(self.root).as_posix()
+
+    def pull(self) -> None:
+        """Make the mirror what the store holds: small files fetched, all others listed only."""
+        listed = {name: each for name, each in self.store.list().items() if _plain(name) and name != LEASE}
+        self.root.mkdir(parents=True, exist_ok=True)
+        for path in list(self._files()):
+            if self.name(path) not in listed:
+                remove(path)
+        wanted = []
+        for name, each in listed.items():
+            path = self.root / name
+            if _state(path) != (each.size, mark(each)):
+                _list_only(path, each.size, mark(each))
+            if _AT_ONCE.fullmatch(name) and is_listed(path):
+                wanted.append(path)
+        self.fetch(wanted)
+
+    def fetch(self, paths: Iterable[Path]) -> None:
+        """Get the bytes of files that are listed only."""
+        _on_threads(self._fetch, [path for path in paths if is_listed(path)])
+
+    def fetch_below(self, folder: Path) -> None:
+        """As `fetch`, for everything below a directory."""
+        self.fetch([path for path in folder.rglob("*") if not path.is_dir()])
+
+    def find(self, path: Path) -> bool:
+        """Get a file that is not in the mirror, nor was when it was pulled: another machine wrote it. Whether there is one."""
+        listed = self.store.stat(self.name(path))
+        if listed is None:
+            return False
+        _list_only(path, listed.size, mark(listed))
+        self._fetch(path)
+        return True
+
+    def push(self, paths: Iterable[Path]) -> None:
+        """Write those of some files that were written here to the store, all at once."""
+        _on_threads(self._push, [path for path in paths if is_new(path)])
+
+    def push_all(self) -> None:
+        """Write to the store what was written here: first what others name, then the ledger, then the rest."""
+        files = [path for path in self._files() if is_new(path) and not path.name.endswith((".tmp", ".running"))]
+        names = {path: self.name(path) for path in files}
+        last = [path for path in files if _LAST.match(names[path])]
+        self.push(path for path in files if path not in set(last))
+        self.push(last)
+
+    def drop(self, path: Path) -> None:
+        """Free the space of a file that is the same as its object: it is listed only then."""
+        state = path.stat()
+        if not is_new(path) and not is_listed(path):
+            temporary = temporary_name(path)
+            try:
+                _list_only(temporary, state.st_size, state.st_mtime_ns)
+                os.replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
+
+    def delete(self, paths: Iterable[Path]) -> None:
+        """Delete the objects of files, which are gone from the mirror."""
+        names = [self.name(path) for path in paths]
+        if names:
+            self.store.delete(names)
+
+    def _fetch(self, path: Path) -> None:
+        # two threads may want the same file
+        state, temporary = path.stat(), temporary_name(path.with_name(f"{path.name}.{threading.get_ident()}"))
+        try:
+            self.store.get(self.name(path), temporary)
+            if temporary.stat().st_size != state.st_size:
+                raise StoreError(f"{self.url}/{self.name(path)}: was changed while it was read: run the command again")
+            os.utime(temporary, ns=(state.st_mtime_ns, state.st_mtime_ns))
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def _push(self, path: Path) -> None:
+        listed = self.store.put(path, self.name(path))
+        if listed.size != path.stat().st_size:
+            raise StoreError(f"{self.url}/{self.name(path)}: has {listed.size} bytes after it was written: run the command again")
+        os.utime(path, ns=(mark(listed), mark(listed)))
+
+    def _files(self) -> Iterator[Path]:
+        for folder, _, names in os.walk(self.root):
+            yield from (Path(folder, name) for name in names)
+
+
+def is_listed(path: Path) -> bool:
+    """Whether a file of a mirror is listed only."""
+    try:
+        return stat.S_IMODE(path.stat().st_mode) == LISTED
+    except FileNotFoundError:
+        return False
+
+
+def is_new(path: Path) -> bool:
+    """Whether a file was written here since it was last the same as its object."""
+    try:
+        state = path.stat()
+    except FileNotFoundError:
+        return False
+    return stat.S_ISREG(state.st_mode) and state.st_mtime_ns >= _YEARS
+
+
+def fetched(path: Path) -> bool:
+    """Get the bytes of a file that is listed only, or that another machine wrote; False for one in no mirror, or not there."""
+    mirror = mirror_of(path)
+    if mirror is None:
+        return False
+    if os.path.lexists(path):
+        mirror.fetch([path])
+        return True
+    return mirror.find(path)
+
+
+def fetched_below(folder: Path) -> None:
+    """As `fetched`, for all files below a directory that are listed only: for libraries that read them by themselves."""
+    mirror = mirror_of(folder)
+    if mirror is not None:
+        mirror.fetch_below(folder)
+
+
+def sent(*paths: Path) -> None:
+    """Write files to the store that they belong to, if any, so that they are there when this returns. Raises StoreError."""
+    mirror = mirror_of(paths[0]) if paths else None
+    if mirror is not None:
+        mirror.push(paths)
+
+
+def withdrawn(*paths: Path) -> None:
+    """Delete files that are gone from the store that they belonged to, if any. Raises StoreError."""
+    mirror = mirror_of(paths[0]) if paths else None
+    if mirror is not None:
+        mirror.delete(paths)
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[None]:
+    """Within, a directory is replaced by another. Where it is in a mirror, its objects are replaced at the end; nothing happens to
+    them where the block fails. Raises StoreError."""
+    mirror = mirror_of(folder)
+    before = [path for path in folder.rglob("*") if not path.is_dir()] if mirror else []
+    yield
+    if mirror is not None:
+        mirror.push_all()
+        mirror.delete(path for path in before if not os.path.lexists(path))
+
+
+@contextmanager
+def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
+    """A directory with what is below a URL, for one command, which may be one of several at the same time.
+
+    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
+    """
+    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext():
+        mirror.pull()
+        try:
+            yield mirror.root
+        except StoreError:
+            raise
+        except BaseException:
+            if writes:
+                mirror.push_all()
+            raise
+        if writes:
+            mirror.push_all()
+
+
+@contextmanager
+def _free(url: str) -> Iterator[Mirror]:
+    """The first mirror of a URL that no other command uses."""
+    name = quote(url, safe="")
+    if len(name) > _LONGEST:
+        raise StoreError(f"{url}: is too long to be a dataset's URL: name a shorter one")
+    number, folder = 0, cache() / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    while True:
+        root = folder / (f"{name}~{number}" if number else name)
+        with open(folder / f"{root.name}.lock", "ab") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                number += 1
+                continue
+            yield _mirror(root)
+            return
+
+
+def with_urls(text: str) -> str:
+    """A text in which the paths of mirrors are the URLs that they stand for."""
+    return re.sub(rf"{re.escape(str(cache() / FOLDER))}/(\w+%3A%2F%2F[^\s/~:;,'\"]+)(?:~\d+)?", lambda m: unquote(m[1]), text)
+
+
+def _plain(name: str) -> bool:
+    """Whether an object's name can be a path below a directory."""
+    parts = PurePosixPath(name).parts
+    return bool(parts) and ".." not in parts and not name.startswith("/") and "\0" not in name and str(PurePosixPath(name)) == name
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    try:
+        state = path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return (state.st_size, state.st_mtime_ns) if stat.S_ISREG(state.st_mode) else None
+
+
+def _list_only(path: Path, size: int, time: int) -> None:
+    """Put a file without bytes at a path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.lexists(path):
+        remove(path)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, LISTED)
+    try:
+        os.ftruncate(descriptor, size)
+        os.fchmod(descriptor, LISTED)
+        os.utime(descriptor, ns=(time, time))
+    finally:
+        os.close(descriptor)
+
+
+def _on_threads(work: Callable[[Path], None], paths: list[Path]) -> None:
+    if len(paths) < 2:
+        for path in paths:
+            work(path)
+        return
+    with ThreadPoolExecutor(min(_THREADS, len(paths))) as threads:
+        for done in [threads.submit(work, path) for path in paths]:
+            done.result()
