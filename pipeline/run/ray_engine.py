@@ -7,13 +7,14 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import ray
 from ray.exceptions import RayError, RayTaskError
 
+from pipeline.run.guard import children_named
 from pipeline.run.pool import Died, Done, EngineError, Limit, Make, Pool
 from pipeline.run.ray_session import session
 
@@ -24,6 +25,7 @@ _STARTS = 3
 _POLL_SECONDS = 0.5
 _GONE_SECONDS = 10.0
 _PR_SET_PDEATHSIG = 1
+_DAEMONS = ("raylet", "gcs_server")
 
 
 def run_on_ray[J, R](
@@ -33,13 +35,41 @@ def run_on_ray[J, R](
     with session(pool):
         share = min(1.0, float(ray.cluster_resources().get("GPU", 0)) / pool.workers) if gpus else 0.0
         crew = _Crew(make, limit, pool.recycle, share)
-        try:
-            while jobs or crew.at_work:
-                crew.hire(min(pool.workers, len(jobs) + crew.at_work))
-                crew.hand_out(jobs)
-                yield from crew.ends()
-        finally:
-            crew.dismiss()
+        with _daemons() as daemons:
+            try:
+                while jobs or crew.at_work:
+                    daemons.check()
+                    crew.hire(min(pool.workers, len(jobs) + crew.at_work))
+                    crew.hand_out(jobs)
+                    yield from crew.ends()
+            finally:
+                crew.dismiss()
+
+
+class _Daemons:
+    """Ray's own processes where this process has started them. Without one of them, calls to Ray wait for minutes or forever."""
+
+    def __init__(self, names: dict[int, str]) -> None:
+        self._names, self._poll = names, select.poll()
+        for descriptor in names:
+            self._poll.register(descriptor, select.POLLIN)
+
+    def check(self) -> None:
+        """Raise EngineError where one has ended."""
+        for descriptor, _ in self._poll.poll(0):
+            name = self._names[descriptor]
+            raise EngineError(f"Ray's {name} has ended (killed, or no memory left?); the same command goes on with what is missing")
+
+
+@contextmanager
+def _daemons() -> Iterator[_Daemons]:
+    """The raylet and the control service below this process, if any."""
+    names = {os.pidfd_open(pid): name for name in _DAEMONS for pid in children_named(os.getpid(), name)}
+    try:
+        yield _Daemons(names)
+    finally:
+        for descriptor in names:
+            os.close(descriptor)
 
 
 class _Process:
