@@ -14,7 +14,6 @@ from pipeline.data.errors import DominoError
 from pipeline.data.mirror import with_urls
 from pipeline.data.recipe import Recipe
 from pipeline.data.recipe_file import read_recipe
-from pipeline.run.names import recipe_from
 from pipeline.run.pool import EXECUTORS, Pool, pick_executor
 from pipeline.run.progress import KINDS, Kind
 
@@ -133,6 +132,9 @@ Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work
 
 def recipe_of(manifest: Path | None, assets: Path | None = None, **given: Any) -> Recipe:
     """The recipe of a manifest and of options: keys of a recipe, None where one was not given, lists as comma-separated text."""
+    # a second: it imports every task
+    from pipeline.run.names import recipe_from
+
     flags = {key: "--embodiment" if key == "embodiments" else f"--{key}" for key, value in given.items() if value is not None}
     for name in ("tasks", "embodiments", "domains"):
         if (text := given.get(name)) is not None and not listed(text):

@@ -7,11 +7,13 @@ slots are tried depends neither on the number of workers nor on the order in whi
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe import Cell, Floor, Recipe, Slot
-from pipeline.run.slot import SlotJob
+
+if TYPE_CHECKING:  # it imports the simulator, and status needs none
+    from pipeline.run.slot import SlotJob
 
 type Rows = Sequence[Mapping[str, Any]]
 """Rows of attempts.parquet."""
@@ -72,7 +74,7 @@ def _tried(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
 class Probation:
     """Which jobs may start: those at the first slots of every cell, and a cell's others once it is judged and not stopped."""
 
-    def __init__(self, dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob]) -> None:
+    def __init__(self, dataset: Dataset, recipe: Recipe, jobs: "deque[SlotJob]") -> None:
         """Takes from `jobs` those that have to wait."""
         self._recipe = recipe
         self.stops: list[Stop] = []
@@ -95,7 +97,7 @@ class Probation:
         for cell in list(self._held):
             jobs.extend(self._judged(cell))
 
-    def done(self, slot: Slot, attempts: Rows) -> list[SlotJob]:
+    def done(self, slot: Slot, attempts: Rows) -> "list[SlotJob]":
         """The jobs that may start now that a slot is done."""
         first = self._first.get(slot.cell, {})
         if slot.index not in first:
@@ -103,7 +105,7 @@ class Probation:
         first[slot.index] = attempts
         return self._judged(slot.cell)
 
-    def _judged(self, cell: Cell) -> list[SlotJob]:
+    def _judged(self, cell: Cell) -> "list[SlotJob]":
         rows = [rows for rows in self._first[cell].values() if rows is not None]
         if self._recipe.floor is None or cell not in self._held or len(rows) < self._recipe.floor.slots:
             return []

@@ -3,10 +3,12 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.stages.failure import Failure
 from pipeline.stages.hints import hint, refusals
+
+if TYPE_CHECKING:  # it imports the simulator
+    from pipeline.stages.failure import Failure
 
 EXAMPLES = 6
 """Conditions named at most."""
@@ -31,7 +33,7 @@ class Reason:
         return f"{self.attempts} x {self.stage}: {self.reason}{exactly}" + (f"; {self.hint}" if self.hint else "")
 
 
-def row_of(failure: Failure) -> dict[str, Any]:
+def row_of(failure: "Failure") -> dict[str, Any]:
     """The columns of attempts.parquet that `reasons` reads."""
     return {name: getattr(failure, name) for name in ("stage", "reason", "detail", "conditions")}
 

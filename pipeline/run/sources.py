@@ -5,15 +5,26 @@ Sources are compared by their syntax trees without docstrings, so that a comment
 
 import ast
 import hashlib
+import json
 import sys
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pipeline
 
 PACKAGE = pipeline.__name__
+
+TEXTS = ("world/shaders", "tasks/library/phrases", "world/objects/phrases")
+"""Directories of the package with files that are no modules and count as sources."""
+
+NUMERIC = {
+    **{name: name for name in ("coal", "manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")},
+    "cv2": "opencv-python-headless",
+}
+"""Packages whose numbers matter: imported module and distribution."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +50,34 @@ def modules(root: Path) -> dict[str, Path]:
         parts = path.relative_to(root).with_suffix("").parts
         found[".".join([PACKAGE, *(parts[:-1] if parts[-1] == "__init__" else parts)])] = path
     return found
+
+
+def files(root: Path, where: str) -> list[Path]:
+    """Every file at or below a path of the package, sorted."""
+    path = root / where
+    return sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path] if path.is_file() else []
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of the packages NUMERIC, "" for one that is not installed."""
+    return {name: _version(distribution) for name, distribution in sorted(NUMERIC.items())}
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""
+
+
+@cache
+def fingerprint(root: Path) -> str:
+    """One hash (32 hex digits) of everything that parts of the code are made from: the bytes of all modules and TEXTS, `versions`,
+    and Python, whose parser makes the syntax trees."""
+    paths = [*modules(root).values(), *(path for where in TEXTS for path in files(root, where))]
+    sums = [[path.relative_to(root).as_posix(), hashlib.sha256(path.read_bytes()).hexdigest()] for path in paths]
+    return hashlib.sha256(json.dumps([sums, versions(), sys.version]).encode()).hexdigest()[:32]
 
 
 @cache

@@ -12,7 +12,7 @@ from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.stamps import stamp_of
 from pipeline.registry import UnknownName
-from pipeline.run.keys import slot_keys
+from pipeline.run.keys import RecipeKeys
 
 REDO = "episode missing or damaged"
 """Why a slot is made again whose keys match."""
@@ -39,11 +39,12 @@ def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator
     sentences. Entries of a cell mostly have the same keys, so few are compared.
     """
     files, seen = Files(dataset.episodes), dict[tuple[object, ...], SlotState | None]()
+    keys = RecipeKeys(recipe)
     texts = entries.table["keys"].to_pylist()
     for slot, accepted, text in zip(entries.slots, entries.accepted, texts, strict=True):
         case = (slot.cell, slot.variant, accepted, text)
         if case not in seen:
-            seen[case] = _against(recipe, slot, accepted, text)
+            seen[case] = _against(keys, slot, accepted, text)
         state = seen[case]
         if state is None:
             yield slot, SlotState(OPEN)
@@ -53,14 +54,14 @@ def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator
             yield slot, state
 
 
-def _against(recipe: Recipe, slot: Slot, accepted: bool, text: str) -> SlotState | None:
+def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str) -> SlotState | None:
     """The state of a slot whose episode is there; None for keys that cannot be read."""
     try:
         held = unpack_keys(slot, text)
     except NO_RECORD:
         return None
     try:
-        keys = slot_keys(recipe, slot)
+        keys = wanted.of(slot)
     except UnknownName as unknown:
         return SlotState(PHYSICS, (str(unknown),), accepted)
     if changed := held.physics.changed(keys.physics):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.data.recipe import Floor, Slot
-from pipeline.run import keys, sources
-from pipeline.run.keys import families_of, redrawn_keys, slot_keys
+from pipeline.run import code_parts, keys, sources
+from pipeline.run.code_parts import families_of
+from pipeline.run.keys import redrawn_keys, slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
@@ -82,6 +83,23 @@ EDITS = [
 ]
 
 
+CACHED = (keys._slot_parts, keys._drawing_parts, keys._code_version, code_parts._physics, code_parts.drawing_parts)
+
+
+def forget():
+    """Make this process find everything out again, as a new one would."""
+    for cached in (*CACHED, sources.versions, sources.fingerprint):
+        cached.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path_factory, monkeypatch):
+    """The user's cache directory: an empty one for every test."""
+    directory = tmp_path_factory.mktemp("cache")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(directory))
+    return directory
+
+
 def all_keys():
     return {path: slot_keys(RECIPE, slot) for path, slot in SLOTS.items()}
 
@@ -128,19 +146,17 @@ def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
     def other(distribution):
         return "9.9" if distribution == "sapien" else "1"
 
-    for cached in (keys._parts, keys._drawing_parts):
-        cached.cache_clear()
-    monkeypatch.setattr(keys, "_version", other)
+    forget()
+    monkeypatch.setattr(sources, "version", other)
     changed = slot_keys(RECIPE, SLOT).physics.changed(before[SLOT.cell.path].physics)
-    for cached in (keys._parts, keys._drawing_parts):
-        cached.cache_clear()
+    forget()
     assert changed == ["packages"]
 
 
 @pytest.mark.parametrize("task", sorted(TASKS))
 def test_the_families_of_a_task_are_all_known(task):
     root = sources.package_root()
-    own = {m for m in keys._task_modules(root, task) if m.startswith("pipeline.tasks.library")}
+    own = {m for m in code_parts._task_modules(root, task) if m.startswith("pipeline.tasks.library")}
     named = families_of(root, own)
     streams = (np.random.default_rng(seed) for seed in range(40))
     kinds = {type(p.instance) for stream in streams for p in TASKS[task].layout(Draw(stream, stream))}
@@ -148,11 +164,11 @@ def test_the_families_of_a_task_are_all_known(task):
 
 
 def test_what_only_gives_things_their_look_collides_with_nothing():
-    for module in keys.LOOKS:
+    for module in code_parts.LOOKS:
         text = sources.modules(PACKAGE)[module].read_text()
         assert "Collider" not in text, module
-    used = sources.closure(PACKAGE, keys.CORE, keys.REGISTERED)
-    for module in used - set(keys.LOOKS):
+    used = sources.closure(PACKAGE, code_parts.CORE, code_parts.REGISTERED)
+    for module in used - set(code_parts.LOOKS):
         assert sources.source(PACKAGE, module).foreign.isdisjoint({"cv2", "PIL", "matplotlib"}), module
 
 
@@ -234,7 +250,7 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
     assert redrawn_keys(drawn, slot, before[SLOT.cell.path]) == slot_keys(drawn, slot)
     # without its task, its robot and its families
     for name in ("TASKS", "FAMILIES", "MODELS"):
-        monkeypatch.setattr(keys, name, {})
+        monkeypatch.setattr(code_parts, name, {})
     assert redrawn_keys(RECIPE, SLOT, before[SLOT.cell.path]) == before[SLOT.cell.path]
 
 
@@ -266,3 +282,20 @@ def test_only_what_draws_makes_a_drawing_stale(tmp_path, monkeypatch, before, fi
 def test_slots_have_keys_of_their_own():
     slots = [*RECIPE.slots(), Slot(SLOT.cell, 1), replace(SLOT, cell=replace(SLOT.cell, alpha=0.2))]
     assert len({slot_keys(RECIPE, slot).physics.digest for slot in slots}) == len(slots)
+
+
+def test_keys_are_the_same_with_a_cache_and_without(before, cache, monkeypatch):
+    for _ in range(2):
+        forget()
+        assert all_keys() == before
+    kept = list(cache.rglob("*.json"))
+    assert len(kept) == len({(cell.task, cell.embodiment, cell.domain) for cell in RECIPE.cells()}) + 1
+    for path in kept[::2]:
+        path.write_bytes(path.read_bytes()[:-9])
+    forget()
+    assert all_keys() == before
+    forget()
+    for name in ("slot_parts", "drawing_parts"):
+        monkeypatch.setattr(code_parts, name, None)  # all of it is in the cache again
+    assert all_keys() == before
+    forget()
