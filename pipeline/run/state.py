@@ -35,8 +35,8 @@ class SlotState:
 def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
     """Every entry's slot with its state against the keys it would have now, episodes unread. `keys` must have been read.
 
-    What was made for a task or robot that the code does not have is out of date. A slot that was given up has no images and no
-    sentences. Entries of a cell mostly have the same keys, so few are compared.
+    What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
+    only where the recipe keeps failed attempts. Entries of a cell mostly have the same keys, so few are compared.
     """
     files, seen = Files(dataset.episodes), dict[tuple[object, ...], SlotState | None]()
     keys = RecipeKeys(recipe)
@@ -44,7 +44,7 @@ def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator
     for slot, accepted, text in zip(entries.slots, entries.accepted, texts, strict=True):
         case = (slot.cell, slot.variant, accepted, text)
         if case not in seen:
-            seen[case] = _against(keys, slot, accepted, text)
+            seen[case] = _against(keys, slot, accepted, text, recipe.keep_failures != "none")
         state = seen[case]
         if state is None:
             yield slot, SlotState(OPEN)
@@ -54,8 +54,8 @@ def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator
             yield slot, state
 
 
-def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str) -> SlotState | None:
-    """The state of a slot whose episode is there; None for keys that cannot be read."""
+def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState | None:
+    """The state of a slot whose episode is there; None for keys that cannot be read. `keeps`: failed attempts are files, too."""
     try:
         held = unpack_keys(slot, text)
     except NO_RECORD:
@@ -66,7 +66,7 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str) -> SlotS
         return SlotState(PHYSICS, (str(unknown),), accepted)
     if changed := held.physics.changed(keys.physics):
         return SlotState(PHYSICS, tuple(changed), accepted)
-    if not accepted:
+    if not (accepted or keeps):
         return SlotState(DONE, (), accepted)
     images, sentences = tuple(held.render.changed(keys.render)), tuple(held.language.changed(keys.language))
     if images:

@@ -14,6 +14,7 @@ from pipeline.motion.target_motion import TargetMotion
 from pipeline.run.keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import SlotJob, fill_slot
+from pipeline.run.state import DONE, IMAGES, SlotState, states
 from pipeline.run.verify.exports import check_export
 from pipeline.run.verify.layout import check_failures, check_strays
 from pipeline.tasks import TASKS
@@ -113,6 +114,13 @@ def test_damage_and_strays_are_found(failed, tmp_path):
     assert "sha256" in problems(check_failures(copy, recipe))[0]
     with pytest.raises(DatasetError, match="sha256"):
         copy.intact_failures(recipe)
+
+
+def test_other_images_of_a_slot_that_was_given_up_are_those_of_its_failures(failed):
+    dataset, recipe, _ = failed
+    assert [state for _, state in states(dataset, recipe)] == [SlotState(DONE, (), False)]
+    changed = recipe.model_copy(update={"size": (40, 24)})
+    assert [state for _, state in states(dataset, changed)] == [SlotState(IMAGES, ("recipe",), False)]
 
 
 def test_the_bytes_are_those_of_the_slot_whoever_fills_it(failed, tmp_path):
