@@ -1,6 +1,6 @@
 """A build under a seeded schedule of disturbances, against the same build undisturbed.
 
-    python -m benchmarks.chaos [--slots 460] [--real 40] [--lives 16] [--real-lives 4] [--seed 1] [--out FILE.md]
+    python -m benchmarks.chaos [--slots 510] [--real 24] [--lives 12] [--real-lives 2] [--seed 1] [--out FILE.md]
 
 Two datasets are built twice, by the real command with Ray workers: `--real` slots of click_bell with small images, all three
 stages; and `--slots` of sixty cells whose stages only sleep, fail by lot and hand out one stored episode (chaos/command.py), around
@@ -72,7 +72,7 @@ def schedule(part: Part, chance: Random) -> Iterator[Life]:
         events = [(after, chance.choice(IN_LIFE)) for after in times]
         if number % 3 == 1:
             events.insert(0, (0, "worker starting"))
-        if number % 8 == 2:
+        if number == 2:
             events.append((share - 1, "worker hangs"))
         yield Life([*events, (share, ENDS[number % len(ENDS)])])
 
@@ -128,10 +128,11 @@ def table(results: dict[str, tuple[Outcome, Counter[str], Comparison, dict[str, 
 def main() -> None:
     """Build, disturb, compare, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--slots", type=int, default=460)
-    parser.add_argument("--real", type=int, default=40)
-    parser.add_argument("--lives", type=int, default=16)
-    parser.add_argument("--real-lives", type=int, default=4)
+    parser.add_argument("--slots", type=int, default=510)
+    parser.add_argument("--real", type=int, default=24)
+    parser.add_argument("--lives", type=int, default=12)
+    parser.add_argument("--real-lives", type=int, default=2)
+    parser.add_argument("--kills", type=int, default=8, help="workers that are killed in a life of the stored episodes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, help="where to work; kept afterwards")
     parser.add_argument("--out", type=Path, help="write the table to this file as well")
@@ -153,7 +154,7 @@ def main() -> None:
         small = ("--manifest", str(manifest), *SMALL)
         parts = [
             Part("real stages", (*small, *REAL, "--total", str(given.real)), given.real, given.real_lives, 2, 1),
-            Part("stored episode", (*small, *STORED, "--total", str(given.slots)), given.slots, given.lives, 6, 2),
+            Part("stored episode", (*small, *STORED, "--total", str(given.slots)), given.slots, given.lives, given.kills, 2),
         ]
         results = {}
         source = folder / "source" / "dataset"
@@ -165,7 +166,7 @@ def main() -> None:
             reference, root = folder_of / "reference", (disk.folder if disk else folder_of) / part.name.split()[0]
             stored = source if part.name == "stored episode" else None
             alone = build(Site((*part.options, "--executor", "inline"), folder_of, reference, stored))
-            site = Site((*part.options, *WORKERS, "--slot-timeout", "60"), folder_of, root, stored, disk)
+            site = Site((*part.options, *WORKERS, "--slot-timeout", "45"), folder_of, root, stored, disk)
             outcome, damaged, seconds = disturbed(part, site, given.seed)
             found = compare(reference, root)
             verified = subprocess.run(

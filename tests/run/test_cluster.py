@@ -73,14 +73,11 @@ def test_a_node_that_is_not_like_the_others_is_named(cluster):
     def refuse() -> Mapping[str, str]:
         raise EngineError("the dataset is not there")
 
-    pool, unlike = (
-        Pool("ray", 2, cluster.address),
-        r"its renderer is (first|second), that of node .+ is (first|second): have the same",
-    )
+    unlike = r"its renderer is (first|second), that of node .+ is (first|second): have the same"
     for check, said in ((look, unlike), (refuse, "the dataset is not there")):
         # so many that both nodes start before they are done
         with pytest.raises(EngineError, match=f"^node .+: {said}") as caught:
-            list(run(sleeper, deque(range(200)), pool, Limit(lambda _: 60.0), check=check))
+            list(run(sleeper, deque(range(200)), Pool("ray", 2, cluster.address), Limit(lambda _: 60.0), check=check))
         assert "\n" not in str(caught.value)
 
 
