@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Root, UsageError, listed, pool_of, say, warn_of_stale
+from pipeline.commands.common import Address, AsJson, Gpus, Root, RuntimeEnv, UsageError, listed, pool_of, say, warn_of_stale
 from pipeline.data.mirror import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
@@ -30,6 +30,8 @@ def annotate(
     executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
     workers: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     address: Address = None,
+    gpus_per_worker: Gpus = None,
+    runtime_env: RuntimeEnv = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write and download nothing.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -71,7 +73,9 @@ def annotate(
                 options=options,
                 where=where,
                 render=partial(redraw, bodies=source.bodies),
-                execution=Execution(pool_of(executor, workers, address), device, dry_run, progress=not as_json),
+                execution=Execution(
+                    pool_of(executor, workers, address, gpus_per_worker, runtime_env), device, dry_run, progress=not as_json
+                ),
             )
     except Stopped:
         print(f"stopped; what is finished is in {with_urls(str(dataset))}, the same command goes on", file=sys.stderr)

@@ -19,11 +19,13 @@ from pipeline.commands.common import (
     Embodiment,
     Episodes,
     Executor,
+    Gpus,
     Layout,
     Levels,
     Manifest,
     Render,
     Rules,
+    RuntimeEnv,
     Seed,
     Tasks,
     Total,
@@ -63,6 +65,8 @@ def build(
     executor: Executor = "auto",
     workers: Workers = None,
     address: Address = None,
+    gpus_per_worker: Gpus = None,
+    runtime_env: RuntimeEnv = None,
     slot_timeout: Annotated[
         float, typer.Option(help="Seconds one attempt at a slot may take before its worker counts as hung.")
     ] = 600.0,
@@ -96,7 +100,7 @@ def build(
         contact=contact,
         layout=layout,
     )
-    pool = pool_of(executor, workers, address)
+    pool = pool_of(executor, workers, address, gpus_per_worker, runtime_env)
     kind = kind_of("none" if quiet else progress)
     if not 0 < slot_timeout < float("inf"):
         raise UsageError(f"--slot-timeout {slot_timeout:g} is no time: give seconds, e.g. 600")

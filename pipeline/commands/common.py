@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
+import yaml
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
@@ -130,6 +131,18 @@ Workers = Annotated[int | None, typer.Option(help="Worker processes.", show_defa
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
 
 
+Gpus = Annotated[
+    float | None,
+    typer.Option(help="Each worker's share of a GPU, e.g. 0.25 where four draw on one (docs/cluster.md).", show_default="none"),
+]
+RuntimeEnv = Annotated[
+    Path | None,
+    typer.Option(
+        help="What processes on the nodes of --address need: a file (YAML or JSON) with Ray's runtime_env."
+    ),
+]
+
+
 def recipe_of(manifest: Path | None, assets: Path | None = None, **given: Any) -> Recipe:
     """The recipe of a manifest and of options: keys of a recipe, None where one was not given, lists as comma-separated text."""
     # a second: it imports every task
@@ -168,10 +181,31 @@ def kind_of(progress: str) -> Kind:
     raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(KINDS)}")
 
 
-def pool_of(executor: str, workers: int | None, address: str | None) -> Pool:
+def pool_of(
+    executor: str, workers: int | None, address: str | None, gpus: float | None = None, runtime_env: Path | None = None
+) -> Pool:
     """Who does the work; an address asks for Ray."""
     if address is not None and executor == "inline":
         raise UsageError("--address names a Ray cluster and --executor inline uses none: leave one of them out")
     if address is not None and not re.fullmatch(r"[^\s:/]+:\d{1,5}", address):
         raise UsageError(f"--address {address!r} is not HOST:PORT, e.g. 10.0.0.1:6379")
-    return Pool(*executor_of("ray" if address else executor, workers), address)
+    if gpus is not None and not (0 < gpus <= 1 or gpus == gpus // 1 > 1):
+        raise UsageError(f"--gpus-per-worker {gpus:g} is neither a share of a GPU like 0.25 nor a number of GPUs")
+    if runtime_env is not None and address is None:
+        raise UsageError("--runtime-env is for the nodes of a cluster: give its --address, or leave it out")
+    name, count = executor_of("ray" if address else executor, workers)
+    return Pool(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
+
+
+def runtime_env_of(path: Path | None) -> dict[str, Any]:
+    """Ray's runtime_env from a file; empty without one. Raises UsageError in one line."""
+    if path is None:
+        return {}
+    try:
+        values = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        why = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise UsageError(f"--runtime-env {path}: cannot be read ({why})") from error
+    if not isinstance(values, dict) or not all(isinstance(key, str) for key in values):
+        raise UsageError(f"--runtime-env {path}: is no mapping like {{env_vars: {{NAME: value}}}}")
+    return values

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Executor, Root, UsageError, Workers, listed, pool_of, say
+from pipeline.commands.common import Address, AsJson, Executor, Gpus, Root, RuntimeEnv, UsageError, Workers, listed, pool_of, say
 from pipeline.data.dataset import Dataset
 from pipeline.data.mirror import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
@@ -40,6 +40,8 @@ def render(
     executor: Executor = "auto",
     workers: Workers = None,
     address: Address = None,
+    gpus_per_worker: Gpus = None,
+    runtime_env: RuntimeEnv = None,
     quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -47,7 +49,7 @@ def render(
     from pipeline.run.render import render as run_render
 
     changes = drawing_changes(cameras, size, preset, sensors) | looks(visuals, variants, visual_seed)
-    pool = pool_of(executor, workers, address)
+    pool = pool_of(executor, workers, address, gpus_per_worker, runtime_env)
     try:
         with stop_on_signal():
             result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet, flags=FLAGS)

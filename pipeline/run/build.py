@@ -29,6 +29,7 @@ from pipeline.run.floor import Probation, stops_in
 from pipeline.run.keys import code_version
 from pipeline.run.make import read_facts
 from pipeline.run.mend import from_scenes, mend_assets
+from pipeline.run.node import NodeCheck
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Kind, Progress
 from pipeline.run.slot import Lost, SlotJob, slot_worker
@@ -202,12 +203,18 @@ def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, to
     limit = Limit[SlotJob](lambda _: timeout, lambda job: running.noted(dataset, job.slot))
     strikes, lost = Strikes(pool.workers), 0
     told.say_stopped()
-    with closing(run(slot_worker, jobs, pool, limit)) as ends:
+    check = NodeCheck(str(dataset.root.resolve()), code_version())
+    with closing(run(slot_worker, jobs, pool, limit, check=check)) as ends:
         for end in ends:
             match end:
                 case Done(job, record):
                     strikes.done()
                     jobs.extend(told.done(job.slot, record))
+                case Died(job, "node_lost"):
+                    lost += 1
+                    told.progress.lost()
+                    running.clear(dataset, job.slot)
+                    jobs.append(job)
                 case Died(job, reason):
                     lost += 1
                     told.progress.lost()

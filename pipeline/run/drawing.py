@@ -12,6 +12,7 @@ from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
 from pipeline.run.keys import code_version, redrawn_keys
+from pipeline.run.node import NodeCheck
 from pipeline.run.pool import Died, Done, Limit, Pool
 from pipeline.run.redraw import DrawJob, Drawn, draw_slot, is_drawn, origin_of
 from pipeline.run.strikes import Strikes
@@ -71,7 +72,8 @@ def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, 
     jobs, strikes = deque(work.jobs), Strikes(pool.workers)
     limit = Limit[DrawJob](lambda _: timeout)
     bar = tqdm(total=work.done + len(work.jobs), initial=work.done, unit="ep", disable=quiet, dynamic_ncols=True)
-    with bar, closing(run(drawer, jobs, pool, limit)) as ends:
+    check = NodeCheck(work.jobs[0].out, work.jobs[0].code) if work.jobs else None
+    with bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
         for end in ends:
             match end:
                 case Done(job, drawn):
@@ -80,7 +82,7 @@ def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, 
                         ledger.add(job.slot, drawn.record)
                         unfinished.discard(job.slot)
                     problems += [drawn.problem] if drawn.problem else []
-                case Died(job, reason) if strikes.out(job.slot):
+                case Died(job, reason) if reason != "node_lost" and strikes.out(job.slot):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")
                 case Died(job, _):
                     jobs.append(job)

@@ -1,9 +1,9 @@
 """Who does the work, what ends a job, and the limits a worker is watched by: the engine's contract."""
 
 import os
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from pipeline.data.errors import DominoError
 
@@ -16,6 +16,10 @@ SINGLE_THREAD = dict.fromkeys(_THREAD_LIMITS.split(), "1")
 type Make[J, R] = Callable[[], Callable[[J], R]]
 """Makes the work, once in every worker: what is heavy to load (models, kernels, planners) is kept from job to job."""
 
+type Check = Callable[[], Mapping[str, str]]
+"""Looks at the machine of a worker, before the work is made there: what must be the same on all of them, by name. Raises
+DominoError for a machine that cannot do the work."""
+
 
 class EngineError(DominoError):
     """The engine cannot go on: no worker can be started, no cluster answers, or worker after worker is lost. One line."""
@@ -26,15 +30,23 @@ class Pool:
     """Who does the work.
 
     `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle` jobs). `address` names a running
-    Ray cluster (host:port); without it Ray is started for this run, on this machine, on loopback.
+    Ray cluster (host:port); without it Ray is started for this run, on this machine, on loopback. `gpus` is each worker's share of
+    a GPU, e.g. 0.25 where four share one; 0 leaves it to the work. `runtime_env` is Ray's description of what processes on a
+    cluster need (environment variables, interpreter, ...).
     """
 
     executor: str = "inline"
     workers: int = 1
     address: str | None = None
     recycle: int = 500
+    gpus: float = 0.0
+    runtime_env: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not (0 <= self.gpus <= 1 or self.gpus == int(self.gpus) > 1):
+            raise EngineError(f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number")
+        if self.runtime_env and self.address is None:
+            raise EngineError("a runtime environment is for the machines of a cluster: name it with --address")
         if self.executor not in EXECUTORS[1:] or self.workers < 1:
             raise EngineError(f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at least 1 worker")
 
@@ -57,10 +69,11 @@ class Done[J, R]:
 
 @dataclass(frozen=True)
 class Died[J]:
-    """A job whose worker was lost: its process ended by itself or was killed, or it hung and was killed by the watchdog."""
+    """A job whose worker was lost: its process ended by itself or was killed, it hung and was killed by the watchdog, or the
+    machine that it was on left the cluster, which is no fault of the job."""
 
     job: J
-    reason: Literal["worker_died", "worker_hung"]
+    reason: Literal["worker_died", "worker_hung", "node_lost"]
 
 
 def pick_executor(name: str, workers: int | None) -> tuple[str, int]:

@@ -4,6 +4,7 @@ import ctypes
 import os
 import select
 import signal
+import socket
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterator
@@ -14,8 +15,9 @@ from typing import Any, Literal
 import ray
 from ray.exceptions import RayError, RayTaskError
 
+from pipeline.data.errors import DominoError
 from pipeline.run.guard import children_named
-from pipeline.run.pool import Died, Done, EngineError, Limit, Make, Pool
+from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool
 from pipeline.run.ray_session import session
 
 _START_SECONDS = 300.0
@@ -29,12 +31,11 @@ _DAEMONS = ("raylet", "gcs_server")
 
 
 def run_on_ray[J, R](
-    make: Make[J, R], jobs: deque[J], pool: Pool, limit: Limit[J], gpus: bool
+    make: Make[J, R], jobs: deque[J], pool: Pool, limit: Limit[J], gpus: bool, check: Check | None
 ) -> Generator[Done[J, R] | Died[J], None, None]:
     """As `engine.run`, for a pool of Ray workers."""
     with session(pool):
-        share = min(1.0, float(ray.cluster_resources().get("GPU", 0)) / pool.workers) if gpus else 0.0
-        crew = _Crew(make, limit, pool.recycle, share)
+        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), check)
         with _daemons() as daemons:
             try:
                 while jobs or crew.at_work:
@@ -44,6 +45,19 @@ def run_on_ray[J, R](
                     yield from crew.ends()
             finally:
                 crew.dismiss()
+
+
+def _share(pool: Pool, gpus: bool) -> float:
+    """The GPUs of each worker: as the pool says, or an equal share. Raises EngineError where the cluster does not have so many."""
+    there = float(ray.cluster_resources().get("GPU", 0))
+    if not pool.gpus:
+        return min(1.0, there / pool.workers) if gpus else 0.0
+    # a share lies on one GPU
+    room = int(there) * int(1 / pool.gpus + 1e-9) if pool.gpus <= 1 else int(there / pool.gpus)
+    if room < pool.workers:
+        has = f"{there:g} GPUs, room for {room} workers" if there else "no GPU"
+        raise EngineError(f"{pool.workers} workers with {pool.gpus:g} GPUs each: Ray has {has}; fewer --workers or --gpus-per-worker")
+    return pool.gpus
 
 
 class _Daemons:
@@ -75,16 +89,31 @@ def _daemons() -> Iterator[_Daemons]:
 class _Process:
     """What runs inside a Ray actor."""
 
-    def begin(self, make: Callable[[], Callable[[Any], Any]]) -> tuple[str, int]:
-        """Make the work; where this process is: node and process id."""
+    def begin(self, make: Callable[[], Callable[[Any], Any]], check: Check | None) -> "_Place":
+        """Look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
         # the kernel ends this process with its parent, the raylet, which ends with the driver: even one that hangs or is stopped
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
+        try:
+            facts = dict(check()) if check is not None else {}
+        except DominoError as error:
+            raise EngineError(f"node {name}: {error}") from None
         self._work = make()
-        return ray.get_runtime_context().get_node_id(), os.getpid()
+        return _Place(ray.get_runtime_context().get_node_id(), os.getpid(), name, facts)
 
     def do(self, job: Any) -> Any:
         """Run one job."""
         return self._work(job)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a worker is: Ray's id of the node, its process id there, the machine's name, and what was found there."""
+
+    node: str
+    pid: int
+    name: str
+    facts: dict[str, str]
 
 
 @dataclass(eq=False)
@@ -94,6 +123,7 @@ class _Worker[J]:
     actor: Any
     job: J | None = None
     ready: bool = False
+    node: str = ""
     finished: int = 0
     process: int | None = None
     """A file descriptor of the process where it runs on this machine: no number that the system could give to another."""
@@ -105,9 +135,10 @@ class _Worker[J]:
 class _Crew[J, R]:
     """The workers of one run."""
 
-    def __init__(self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float) -> None:
-        self._make, self._limit, self._recycle = make, limit, recycle
-        self._actor: Any = ray.remote(num_cpus=1, num_gpus=gpus, max_restarts=0)(_Process)
+    def __init__(self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, check: Check | None) -> None:
+        self._make, self._limit, self._recycle, self._check = make, limit, recycle, check
+        self._first: _Place | None = None
+        self._actor: Any = ray.remote(num_cpus=1, num_gpus=gpus, max_restarts=0, scheduling_strategy="SPREAD")(_Process)
         self._node = ray.get_runtime_context().get_node_id()
         self._busy: dict[ray.ObjectRef, _Worker[J]] = {}
         self._idle: list[_Worker[J]] = []
@@ -123,7 +154,7 @@ class _Crew[J, R]:
         """Start workers until there are so many."""
         for _ in range(wanted - len(self._busy) - len(self._idle)):
             worker = _Worker[J](self._actor.remote())
-            self._busy[worker.actor.begin.remote(self._make)] = worker
+            self._busy[worker.actor.begin.remote(self._make, self._check)] = worker
 
     def hand_out(self, jobs: deque[J]) -> None:
         """Give jobs to workers that have none."""
@@ -146,13 +177,13 @@ class _Crew[J, R]:
                 self._kill(worker)
                 raise (error.cause if isinstance(error.cause, Exception) else error) from error
             except RayError as error:
-                yield from self._lost(worker, "worker_died", str(error))
+                yield from self._lost(worker, "worker_died" if self._there(worker) else "node_lost", str(error))
                 continue
             job, worker.job = worker.job, None
             if worker.ready:
                 worker.finished += 1
             else:
-                self._welcome(worker, *result)
+                self._welcome(worker, result)
             if worker.finished < self._recycle:
                 self._idle.append(worker)
             else:
@@ -180,10 +211,22 @@ class _Crew[J, R]:
             self._leaving.remove(process)
             os.close(process)
 
-    def _welcome(self, worker: _Worker[J], node: str, pid: int) -> None:
-        worker.ready, self._failed_starts = True, 0
-        if node == self._node:
-            worker.process = os.pidfd_open(pid)
+    def _welcome(self, worker: _Worker[J], place: _Place) -> None:
+        worker.ready, worker.node, self._failed_starts = True, place.node, 0
+        if place.node == self._node:
+            worker.process = os.pidfd_open(place.pid)
+        self._first = first = self._first or place
+        for name in sorted(first.facts.keys() | place.facts.keys()):
+            one, other = (each.facts.get(name, "none") for each in (first, place))
+            if one != other:
+                self._kill(worker)
+                raise EngineError(
+                    f"node {place.name}: its {name} is {other}, that of node {first.name} is {one}: have the same on all nodes"
+                )
+
+    def _there(self, worker: _Worker[J]) -> bool:
+        """Whether the node of a worker, where it is known, is still part of the cluster."""
+        return not worker.node or any(node["Alive"] for node in ray.nodes() if node["NodeID"] == worker.node)
 
     def _hangs(self, worker: _Worker[J], now: float) -> bool:
         if worker.job is None:
@@ -197,7 +240,7 @@ class _Crew[J, R]:
             worker.seen, worker.since = seen, now
         return now - worker.since > seconds
 
-    def _lost(self, worker: _Worker[J], reason: Literal["worker_died", "worker_hung"], why: str) -> Iterator[Died[J]]:
+    def _lost(self, worker: _Worker[J], reason: Literal["worker_died", "worker_hung", "node_lost"], why: str) -> Iterator[Died[J]]:
         self._kill(worker)
         if worker.job is not None:
             yield Died(worker.job, reason)

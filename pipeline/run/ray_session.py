@@ -8,6 +8,11 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+<<<<<<< HEAD
+=======
+from types import ModuleType
+from typing import Any
+>>>>>>> d8c9a27 (Check every node of a cluster as it joins, share GPUs among workers, blame no seed for a node that leaves; two raylets build the same bytes)
 
 from pipeline.run.guard import guarded
 from pipeline.run.pool import SINGLE_THREAD, EngineError, Pool
@@ -42,7 +47,7 @@ def session(pool: Pool) -> Iterator[None]:
         _replaced(worker, "print_to_stdstream", lambda *_, **__: None),
         # and would end the process by itself on SIGTERM
         _replaced(utils, "set_sigterm_handler", lambda _: None),
-        _joined(pool.address) if pool.address else _local(pool.workers),
+        _joined(pool.address, pool.runtime_env) if pool.address else _local(pool.workers),
     ):
         yield
 
@@ -98,7 +103,7 @@ def _local(workers: int) -> Iterator[None]:
 
 
 @contextmanager
-def _joined(address: str) -> Iterator[None]:
+def _joined(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
     import ray
     from ray.exceptions import RayError
 
@@ -110,10 +115,13 @@ def _joined(address: str) -> Iterator[None]:
         socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS).close()
     except OSError as error:
         raise EngineError(f"no Ray cluster at {address}: {error.strerror or error}") from error
+    # an actor without a share of a GPU must still see it: SAPIEN draws on it
+    variables = SINGLE_THREAD | {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"} | dict(wanted.get("env_vars", {}))
+    environment = dict(wanted) | {"env_vars": variables}
     try:
         with signals_deferred():
             try:
-                ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env={"env_vars": SINGLE_THREAD})
+                ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env=environment)
             except (ConnectionError, RuntimeError, ValueError, RayError) as error:
                 raise EngineError(f"no Ray cluster at {address}: {' '.join(str(error).split())}") from error
         yield

@@ -1,0 +1,143 @@
+"""The `domino-data` command, and its workers, with traps in them: python -m benchmarks.chaos.command build ...
+
+Workers note which slot they are at and in which phase. With CHAOS_STORED naming a dataset, nothing is planned or drawn: every slot
+gets that dataset's first episode under its own spec, after a moment's sleep, some after failed attempts. Keys, notes, logs, files,
+ledger, engine and command are the real ones.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pipeline.run.build as building
+from benchmarks.chaos.traps import Control, install
+from pipeline import cli
+from pipeline.data.assets import AssetStore
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode import Episode, EpisodeFile
+from pipeline.data.keys import SlotKeys
+from pipeline.data.ledger import SlotRecord
+from pipeline.data.meta import Drawing
+from pipeline.data.physics_id import physics_id
+from pipeline.data.recipe import Recipe
+from pipeline.data.spec import EpisodeSpec
+from pipeline.data.state_log import StateLog
+from pipeline.motion.target_motion import TargetMotion
+from pipeline.run import slot as filling
+from pipeline.run.make import Images, stored_images
+from pipeline.run.slot import SlotJob, slot_worker
+from pipeline.stages.attempt import Phases
+from pipeline.stages.failure import Failure
+
+STORED = "CHAOS_STORED"
+PHASES = {"attempt": "planning", "draw": "drawing", "write": "writing"}
+"""What a worker does in functions of pipeline.run.slot."""
+
+LONGEST, FAILING = 0.2, 0.25
+"""Seconds that a stored attempt takes at most, and the share of attempts that fail."""
+
+
+@dataclass(frozen=True)
+class _Scene:
+    spec: EpisodeSpec
+
+
+@dataclass(frozen=True)
+class _Replay:
+    log: StateLog
+
+
+@dataclass(frozen=True)
+class _Rollout:
+    scene: _Scene
+    replay: _Replay
+    motion: TargetMotion
+    steps: int
+
+
+class Stored:
+    """The stages of a slot without physics and images."""
+
+    def __init__(self, source: Dataset) -> None:
+        self._store = AssetStore(source.bodies)
+        with EpisodeFile(source.accepted(source.recipe())[0]) as file:
+            self._episode, self._images = file.read(), stored_images(file)
+
+    def functions(self) -> Mapping[str, Callable[..., Any]]:
+        """What stands in place of the functions of pipeline.run.slot."""
+        return {"attempt": self.attempt, "draw": self.draw, "episode_of": self.episode_of}
+
+    def attempt(self, spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> _Rollout:
+        """A rollout, or a Failure, as the spec's own random numbers will have it."""
+        chance = spec.rng("chaos")
+        with phases("dry_run"):
+            time.sleep(LONGEST * chance.random() / 2)
+        if chance.random() < FAILING:
+            raise Failure("dry_run", "no_path", "drawn by lot")
+        return _Rollout(_Scene(spec), _Replay(self._episode.log), TargetMotion.from_json(self._episode.motion), 900)
+
+    def draw(self, dataset: Dataset, scene: _Scene, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
+        """The stored images, with an asset more that no other slot has."""
+        with phases("render"):
+            time.sleep(LONGEST * scene.spec.rng("chaos/images").random() / 2)
+        with phases("write"):
+            store, drawing = AssetStore(dataset.bodies), self._images.drawing
+            for key in drawing.assets.values():
+                store.copy(key, self._store)
+            own = store.put({"numbers": scene.spec.rng("chaos/asset").random(1000)}, {})
+        return replace(self._images, drawing=drawing.model_copy(update={"assets": drawing.assets | {"chaos": own}}))
+
+    def episode_of(self, rollout: _Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
+        """The stored episode under another spec."""
+        spec = rollout.scene.spec
+        changed: dict[str, Any] = {"drawing": drawing, "physics_key": keys.physics.digest, "render_key": keys.render.digest}
+        changed |= {"physics_id": physics_id(spec, self._episode.log)}
+        return replace(self._episode, spec=spec, meta=self._episode.meta.model_copy(update=changed))
+
+
+def trapped_worker() -> Callable[[SlotJob], SlotRecord]:
+    """A worker of a build that notes what it is at and springs traps."""
+    control, fill = Control.here(), slot_worker()
+    install(control)
+    functions = Stored(Dataset(Path(os.environ[STORED]))).functions() if STORED in os.environ else {}
+    for name, function in functions.items():
+        setattr(filling, name, function)
+    current = ""
+
+    def noted(function: Callable[..., Any], phase: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            control.note(current, phase)
+            return function(*arguments, **named)
+
+        return call
+
+    for name, phase in PHASES.items():
+        setattr(filling, name, noted(getattr(filling, name), phase))
+
+    def work(job: SlotJob) -> SlotRecord:
+        nonlocal current
+        current = job.slot.path
+        control.note(current, "beginning")
+        try:
+            return fill(job)
+        finally:
+            control.leave()
+
+    return work
+
+
+def main() -> None:
+    """Run the command."""
+    install(Control.here())
+    building.slot_worker = trapped_worker
+    if STORED in os.environ:
+        # the assets of a scene that is built anew would not be those of the stored episode: its slots are made again instead
+        building.from_scenes = lambda _dataset, _recipe: lambda _slot, _missing: None
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""Traps in the writing of files: places at which the process that writes kills itself, or is told that the disk is full.
+
+A trap is an empty file <kind>-<moment> in the control directory; the first process that comes by removes it and springs it. Every
+file of a dataset is flushed (os.fsync) under a temporary name and then renamed (os.replace), so the moments are `half` (half of the
+temporary file is there), `whole` (all of it, before the rename), `renamed` (just after it), and `full` (the flush fails).
+"""
+
+import errno
+import os
+import signal
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+KINDS = {
+    "/episodes/": "episode",
+    "/assets/": "asset",
+    "/ledger/journal/": "journal",
+    "/ledger/": "ledger",
+    "/attempts.parquet": "attempts",
+    "/provenance.json": "provenance",
+    "/report/": "report",
+}
+"""Kinds of files by what their path has in it, in this order."""
+
+MOMENTS = ("half", "whole", "renamed")
+CONTROL = "CHAOS_CONTROL"
+
+
+@dataclass(frozen=True)
+class Control:
+    """The directory through which the harness and the processes of a build know of one another.
+
+    at/PID says which slot a worker is at, and in which phase; struck/SLOT that a worker was lost at a slot in this run of the
+    driver: no second one is killed there, because two lost workers count as the fault of the seed, which is then not tried again.
+    """
+
+    root: Path
+
+    @classmethod
+    def here(cls) -> "Control":
+        """The one that the environment names."""
+        return cls(Path(os.environ[CONTROL]))
+
+    @property
+    def at(self) -> Path:
+        """Notes of workers."""
+        return self.root / "at"
+
+    @property
+    def struck(self) -> Path:
+        """Slots that have lost a worker."""
+        return self.root / "struck"
+
+    @property
+    def traps(self) -> Path:
+        """Traps that are set."""
+        return self.root / "traps"
+
+    @property
+    def sprung(self) -> list[str]:
+        """Names of the traps that have sprung, in this order."""
+        path = self.root / "sprung"
+        return path.read_text().split() if path.exists() else []
+
+    def clear(self) -> None:
+        """No worker, no struck slot, no trap."""
+        for folder in (self.at, self.struck, self.traps):
+            folder.mkdir(parents=True, exist_ok=True)
+            for path in folder.iterdir():
+                path.unlink()
+
+    def set(self, kind: str, moment: str) -> None:
+        """Set a trap."""
+        (self.traps / f"{kind}-{moment}").touch()
+
+    def strike(self, slot: str) -> bool:
+        """Note that the worker at a slot is to be killed; false where one was already."""
+        try:
+            (self.struck / slot.replace("/", "__")).touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        return True
+
+    def note(self, slot: str, phase: str) -> None:
+        """Say what this process is at."""
+        path = self.at / str(os.getpid())
+        fresh = path.with_suffix(".new")
+        fresh.write_text(f"{slot} {phase}")
+        os.rename(fresh, path)
+
+    def noted(self, pid: int) -> tuple[str, str] | None:
+        """What a process says that it is at."""
+        try:
+            slot, phase = (self.at / str(pid)).read_text().split()
+        except (FileNotFoundError, ValueError):
+            return None
+        return slot, phase
+
+    def leave(self) -> None:
+        """This process is at nothing."""
+        (self.at / str(os.getpid())).unlink(missing_ok=True)
+
+
+def install(control: Control) -> None:
+    """Have this process spring traps from now on."""
+    flush, replace = os.fsync, os.replace
+    if getattr(replace, "trapped", False):
+        return
+
+    def fsync(file: int) -> None:
+        path = Path(os.readlink(f"/proc/self/fd/{file}"))
+        if _springs(control, path, "full"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        if _springs(control, path, "half"):
+            os.truncate(path, path.stat().st_size // 2)
+            _die()
+        flush(file)
+
+    def renaming(source: str | Path, target: str | Path) -> None:
+        if _springs(control, Path(target), "whole"):
+            _die()
+        replace(source, target)
+        if _springs(control, Path(target), "renamed"):
+            _die()
+
+    renaming.trapped = True  # type: ignore[attr-defined]
+    os.fsync, os.replace = fsync, renaming  # type: ignore[assignment]
+
+
+def kind_of(path: Path) -> str:
+    """The kind of a dataset's file, "" for others."""
+    text = str(path)
+    return next((kind for part, kind in KINDS.items() if part in text), "")
+
+
+def _springs(control: Control, path: Path, moment: str) -> bool:
+    kind = kind_of(path)
+    trap = control.traps / f"{kind}-{moment}"
+    if not kind or not trap.exists() or threading.current_thread() is not threading.main_thread():
+        return False
+    at = control.noted(os.getpid())
+    if moment != "full" and at is not None and not control.strike(at[0]):
+        return False
+    with suppress(FileNotFoundError):
+        trap.unlink()
+        with open(control.root / "sprung", "a", encoding="utf-8") as file:
+            file.write(f"{trap.name}\n")
+        return True
+    return False
+
+
+def _die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
