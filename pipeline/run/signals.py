@@ -37,8 +37,8 @@ def stop_on_signal() -> Iterator[None]:
             dropped(unraisable)
             return
         asked = False
-        # a moment later, when the callback has been left
-        threading.Timer(_MOMENT, signal.raise_signal, [signal.SIGINT]).start()
+        # a moment later, when the callback has been left; to the thread of the handlers, which a wait must not keep from it
+        threading.Timer(_MOMENT, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT]).start()
 
     found = {number: signal.signal(number, stop) for number in STOP_SIGNALS}
     sys.unraisablehook = again
