@@ -137,9 +137,7 @@ Gpus = Annotated[
 ]
 RuntimeEnv = Annotated[
     Path | None,
-    typer.Option(
-        help="What processes on the nodes of --address need: a file (YAML or JSON) with Ray's runtime_env."
-    ),
+    typer.Option(help="What processes on the nodes of --address need: a file (YAML or JSON) with Ray's runtime_env."),
 ]
 
 

@@ -56,7 +56,8 @@ def _share(pool: Pool, gpus: bool) -> float:
     room = int(there) * int(1 / pool.gpus + 1e-9) if pool.gpus <= 1 else int(there / pool.gpus)
     if room < pool.workers:
         has = f"{there:g} GPUs, room for {room} workers" if there else "no GPU"
-        raise EngineError(f"{pool.workers} workers with {pool.gpus:g} GPUs each: Ray has {has}; fewer --workers or --gpus-per-worker")
+        wanted = f"{pool.workers} workers with {pool.gpus:g} GPUs each"
+        raise EngineError(f"{wanted}: Ray has {has}; fewer --workers or --gpus-per-worker")
     return pool.gpus
 
 

@@ -8,11 +8,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-<<<<<<< HEAD
-=======
-from types import ModuleType
 from typing import Any
->>>>>>> d8c9a27 (Check every node of a cluster as it joins, share GPUs among workers, blame no seed for a node that leaves; two raylets build the same bytes)
 
 from pipeline.run.guard import guarded
 from pipeline.run.pool import SINGLE_THREAD, EngineError, Pool
