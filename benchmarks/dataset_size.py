@@ -5,8 +5,9 @@
 35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The stage sleeps, writes an empty file
 in place of an episode and returns an entry with real keys, one to three attempts and eleven assets. Every row of the table is a
 process of its own: seconds by the clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a
-slot beyond the stage. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them begins.
-The report has no films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers.
+slot beyond the stage, by the clock and, stage included, of its processor: on a machine that others use, the clock counts their
+work. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them begins. The report has no
+films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers.
 """
 
 import argparse
@@ -50,7 +51,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
         began = time.perf_counter()
         dataset = Dataset(Path(job.root))
         if store is None:
-            (dataset.root.parent / STARTED).touch()
+            (dataset.root.parent / STARTED).write_text(f"{time.process_time()}")
             store = AssetStore(dataset.bodies)
             keys = [store.put({"x": np.full(8, n)}, {"n": n}) for n in range(ASSETS)]
             known.extend((key, file_stamp(store.path(key))) for key in keys)
@@ -64,7 +65,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
             | {"attempt": n, "seed": job.recipe.spec(job.slot, n).seed, "outcome": "failed", "stage": "dry_run", "conditions": []}
             | {
                 "reason": "no_motion",
-                "detail": f"workspace {828 + index}, visibility 1, blocked 171",
+                "detail": f"workspace {job.recipe.spec(job.slot, n).seed % 997}, visibility 1, blocked {171 + index}",
                 "sim_steps": 0,
                 "seconds": 0.4,
             }
@@ -96,6 +97,8 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
         found["first job s"] = first.stat().st_mtime - began
         spent = sum(json.loads(text)["stage"] for text in stage)
         found["overhead ms"] = 1000 * ((time.time() - first.stat().st_mtime) * workers - spent) / result.made
+        if workers == 1 and not name.startswith("ray"):
+            found["processor ms"] = 1000 * (time.process_time() - float(first.read_text())) / result.made
     if name == "report":
         page = refresh(Dataset(root), annotation_sheet)
         pages = [page, *(page.parent / "tasks").glob("*.html")]
@@ -113,7 +116,7 @@ def status(root: Path) -> dict[str, float]:
     return {"seconds": time.time() - began, "processor s": used.ru_utime + used.ru_stime, "memory MB": used.ru_maxrss / 1000}
 
 
-COLUMNS = ("slots", "seconds", "processor s", "first job s", "overhead ms", "largest page kB", "memory MB")
+COLUMNS = ("slots", "seconds", "processor s", "first job s", "overhead ms", "processor ms", "largest page kB", "memory MB")
 
 
 def main() -> None:

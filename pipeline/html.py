@@ -1,6 +1,7 @@
 """HTML pages from jinja2 templates. Every value is escaped; a page is one file without scripts and outside references."""
 
 import base64
+from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -12,11 +13,17 @@ def render_page(package: str, template: str, **values: object) -> str:
     section).
     Raises jinja2.UndefinedError where the template names a value that is not given.
     """
+    return _environment(package).get_template(template).render(**values)
+
+
+@cache
+def _environment(package: str) -> Environment:
+    """The templates of a package, each compiled once."""
     environment = Environment(
         loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"jpeg": jpeg_uri, "mp4": mp4_uri, "anchor": anchor}
-    return environment.get_template(template).render(**values)
+    return environment
 
 
 def jpeg_uri(jpeg: bytes) -> str:

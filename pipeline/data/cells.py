@@ -49,12 +49,17 @@ class Slot:
     @property
     def path(self) -> str:
         """Where the episode goes, relative to `episodes/`, without its suffix."""
-        return f"{self.cell.path}/episode_{self.index:07d}" + (f"_v{self.variant}" if self.variant else "")
+        return f"{self.cell.path}/{episode_name(self.index, self.variant)}"
 
     @property
     def physical(self) -> "Slot":
         """The slot whose physics this one shows: its variant 0."""
         return replace(self, variant=0)
+
+
+def episode_name(index: int, variant: int = 0) -> str:
+    """The name of an episode file without its suffix."""
+    return f"episode_{index:07d}_v{variant}" if variant else f"episode_{index:07d}"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -181,9 +182,7 @@ class Dataset:
 
     def present(self, entries: Entries) -> Entries:
         """Those entries that were given up or whose episode is there."""
-        files = Files(self.episodes)
-        pairs = zip(entries.slots, entries.accepted, strict=True)
-        return entries.kept([not accepted or files.entry(slot) is not None for slot, accepted in pairs])
+        return entries.kept(Files(self.episodes).listed(entries) | ~np.array(entries.accepted, bool))
 
     def records(self, recipe: Recipe) -> Iterator[tuple[Slot, SlotRecord]]:
         """Every slot of the recipe that was filled or given up, in the recipe's order; those whose episode is missing are not."""

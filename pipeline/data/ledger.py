@@ -36,6 +36,9 @@ ATTEMPTS = pa.schema(
 """Columns of attempts.parquet: one row an attempt; `kept` is the sha256 of the file of a failed attempt that is kept, speeds (m/s)
 and displacement (m) are those of the motion that was drawn, if any."""
 
+NO_RECORD = (ValueError, TypeError, AttributeError, KeyError)
+"""What reading an entry raises that is none."""
+
 SHA256 = re.compile("[0-9a-f]{64}")
 _LARGEST_WHOLE = 2**53  # beyond it not every whole number is a float64
 

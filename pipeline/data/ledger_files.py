@@ -18,35 +18,32 @@ counts as no entries, a damaged line of the journal as none: their slots are mad
 (ledger/<slot>.json): those are read where nothing newer is there, and moved by the next compaction.
 """
 
-import re
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 from pyarrow.compute import call_function
 
 from pipeline.data.atomic import remove, write_atomic
+from pipeline.data.columns import mask_of
 from pipeline.data.keys import canonical
-from pipeline.data.ledger import SlotRecord
-from pipeline.data.ledger_table import PLACE, SCHEMA, cell_of, decoded, encoded, place_of, record_of, slot_of, table_of
+from pipeline.data.ledger import NO_RECORD, SlotRecord
+from pipeline.data.ledger_old import PATH, exact_entry, old_entries, read_entry, remove_empty
+from pipeline.data.ledger_table import PLACE, decoded, empty, encoded, picked, place_of, record_of, slot_of, table_of
 from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.reading import IRREGULAR, parse_json, read_regular
-from pipeline.data.recipe import DEFAULT_ALPHA, Slot
-
-NO_RECORD = (ValueError, TypeError, AttributeError, KeyError)
-"""What reading an entry raises that is none."""
+from pipeline.data.recipe import Slot
 
 FEWEST, SHARE = 2048, 16
 """The journal is moved into the files when it has so many entries, and a 16th of theirs."""
 
 IDLE = 4.0
 """The driver waits so many times as long as the last segment took to write before it writes the next."""
-
-_PATH = re.compile(r"[^/]+/[^/]+/L(\d)(?:@([0-9.e+-]+))?/(clean|randomized)/episode_(\d{7,8})(?:_v([1-9]\d*))?")
 
 type Group = tuple[str, str]
 """A task and a robot, whose entries are one file."""
@@ -112,40 +109,28 @@ class Ledger:
         try:
             base = self.stored(group, columns)
         except DamagedLedger:
-            base = SCHEMA.empty_table() if columns is None else SCHEMA.empty_table().select(list(columns))
+            base = empty(columns)
         older = self.old(group)
         if not newer and not older:
             return base
         places = list(zip(*(base[name].to_pylist() for name in PLACE), strict=True)) if len(base) else []
         known = set(places)
         replaced = {place_of(slot) for slot in newer}
-        kept = base.filter(pa.array([place not in replaced for place in places], pa.bool_())) if places else base
-        added = {slot: record for slot, record in map(_read_old, older.items()) if record and place_of(slot) not in known} | newer
-        more = table_of(added.items())
-        return pa.concat_tables([kept, more if columns is None else more.select(list(columns))])
+        kept = base.filter(mask_of(np.array([place not in replaced for place in places]))) if places else base
+        found = (exact_entry(slot, path) for slot, path in older.items())
+        added = {slot: record for slot, record in found if record and place_of(slot) not in known} | newer
+        return pa.concat_tables([kept, picked(table_of(added.items()), columns)])
 
     def old(self, group: Group) -> dict[Slot, Path]:
-        """Entries of the old layout, a file for every slot; alpha as the path has it, to six digits."""
-        folder, found = self.root / group[0] / group[1], dict[Slot, Path]()
-        if folder.is_dir():
-            for path in sorted(folder.rglob("*.json")):
-                match = _PATH.fullmatch(path.relative_to(self.root).with_suffix("").as_posix())
-                if match:
-                    level, alpha, domain, index, variant = match.groups()
-                    cell = cell_of(*group, int(level), float(alpha) if alpha else DEFAULT_ALPHA, domain)
-                    slot = Slot(cell, int(index), int(variant or 0))
-                    if path == self.root / f"{slot.path}.json":
-                        found[slot] = path
-        return found
+        """Entries of the old layout, a file for every slot."""
+        return old_entries(self.root, group)
 
     def stored(self, group: Group, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of a file. Raises DamagedLedger for one that cannot be decoded, OSError where the disk refuses."""
-        wanted = None if columns is None else list(columns)
         try:
-            return decoded(read_regular(self.file(group)), wanted)
+            return decoded(read_regular(self.file(group)), columns)
         except FileNotFoundError:
-            empty = SCHEMA.empty_table()
-            return empty if wanted is None else empty.select(wanted)
+            return empty(columns)
         except (pa.ArrowException, *NO_RECORD) as error:
             raise DamagedLedger(" ".join(str(error).split())[:200]) from error
         except OSError as error:
@@ -164,7 +149,7 @@ class Ledger:
     def find(self, path: str) -> SlotRecord | None:
         """The entry of the slot with this path, or None where there is none. For many slots, read a table. Raises what NO_RECORD
         names for a damaged one, OSError where the disk refuses."""
-        if not _PATH.fullmatch(path):
+        if not PATH.fullmatch(path):
             return None
         task, robot, *_, name = path.split("/")
         newer = self.journal().entries.get((task, robot), {})
@@ -176,7 +161,7 @@ class Ledger:
         for row in table.filter(call_function("equal", [table["slot"], index])).to_pylist():
             if slot_of(row).path == path:
                 return record_of(row)
-        return _old(self.root / f"{path}.json")
+        return read_entry(self.root / f"{path}.json")
 
     def entries(self) -> Iterator[tuple[Slot, SlotRecord]]:
         """Every entry that can be read, whatever the recipe."""
@@ -217,7 +202,7 @@ class Ledger:
             for path in found.values():
                 remove(path)
             withdrawn(*found.values())
-            _remove_empty(self.root / group[0] / group[1])
+            remove_empty(self.root / group[0] / group[1])
         return rows
 
 
@@ -285,39 +270,3 @@ def _entry(line: bytes) -> tuple[Slot, SlotRecord]:
 def _numbered(directory: Path) -> list[Path]:
     """Segments in the order in which they were written."""
     return sorted(p for p in directory.glob("*.jsonl") if p.stem.isdecimal())
-
-
-def _read_old(entry: tuple[Slot, Path]) -> tuple[Slot, SlotRecord | None]:
-    """An entry of the old layout, whose path has six digits of alpha, with alpha as its attempts have it."""
-    slot, path = entry
-    record = _old(path)
-    alpha = record.attempts[0].get("alpha") if record and record.attempts else None
-    if isinstance(alpha, float):
-        exact = replace(slot, cell=replace(slot.cell, alpha=alpha))
-        slot = exact if exact.path == slot.path else slot
-    return slot, record
-
-
-def _old(path: Path) -> SlotRecord | None:
-    """An entry of the old layout, None where there is none or it is damaged."""
-    try:
-        return SlotRecord.from_json(read_regular(path))
-    except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
-        return None
-    except OSError as error:
-        if error.strerror == IRREGULAR:
-            return None
-        raise
-
-
-def _remove_empty(folder: Path) -> None:
-    """Remove a directory tree of the old layout as far as nothing is in it."""
-    if folder.is_dir():
-        for path in sorted(folder.rglob("*"), reverse=True):
-            if path.suffix == ".running":
-                path.unlink()
-            if path.is_dir():
-                with suppress(OSError):
-                    path.rmdir()
-        with suppress(OSError):
-            folder.rmdir()

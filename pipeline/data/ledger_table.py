@@ -12,9 +12,11 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.data.columns import lengths, single
 from pipeline.data.keys import Key, SlotKeys, canonical, digest
 from pipeline.data.ledger import ATTEMPTS, FileFacts, SlotRecord
 from pipeline.data.recipe import Cell, Slot
@@ -40,6 +42,12 @@ SCHEMA = pa.schema(
     ]
 )
 
+_KEYS = SCHEMA.get_field_index("keys")
+_SOME = SCHEMA.set(_KEYS, pa.field("keys", pa.dictionary(pa.int32(), pa.string())))
+"""The columns where only some are read: the keys of a cell are one long text, which is held once."""
+
+ONE = "attempts."
+"""Before the name of a column of ATTEMPTS: that part of the attempts alone."""
 
 _SUM, _NONE = b"domino-sha256", b"0" * 64
 
@@ -107,14 +115,14 @@ def _own(slot: Slot) -> dict[str, Any]:
 
 def pack_keys(slot: Slot, keys: SlotKeys) -> str:
     """Canonical JSON of the keys, null for the parts that follow from the slot."""
-    values = keys.to_json()
+    values: dict[str, dict[str, str | None]] = {kind: {**parts} for kind, parts in keys.to_json().items()}
     for kind, name, follows in (
         ("physics", "slot", slot_part(slot)),
         ("render", "physics", keys.physics.digest),
         ("language", "physics", keys.physics.digest),
     ):
         if values[kind].get(name) == follows:
-            values[kind] = values[kind] | {name: None}  # type: ignore[dict-item]
+            values[kind][name] = None
     return canonical(values).decode()
 
 
@@ -149,8 +157,10 @@ def encoded(table: pa.Table) -> bytes:
 
 
 def decoded(data: bytes, columns: Iterable[str] | None = None) -> pa.Table:
-    """Inverse of `encoded`, of all columns or some. Raises ValueError for bytes of which one was changed, and pa.ArrowException for
-    what is no such file."""
+    """Inverse of `encoded`, of all columns or some (as `picked` has them).
+
+    Raises ValueError for bytes of which one was changed, and pa.ArrowException for what is no such file.
+    """
     start = _sum_at(data)
     held = data[start : start + len(_NONE)]
     found = hashlib.sha256(data[:start])
@@ -158,14 +168,38 @@ def decoded(data: bytes, columns: Iterable[str] | None = None) -> pa.Table:
     found.update(memoryview(data)[start + len(_NONE) :])
     if found.hexdigest().encode() != held:
         raise ValueError("its bytes are not those that were written")
-    with pq.ParquetFile(pa.BufferReader(data)) as file:
-        if file.schema_arrow.equals(SCHEMA):
-            return file.read(columns=None if columns is None else list(columns), use_threads=False)
+    with pq.ParquetFile(pa.BufferReader(data), read_dictionary=None if columns is None else ["keys"]) as file:
+        if file.schema_arrow.equals(SCHEMA if columns is None else _SOME):
+            stored = None if columns is None else [name.replace(ONE, "attempts.list.element.") for name in columns]
+            return file.read(columns=stored, use_threads=False)
         if not set(SCHEMA.names) <= set(file.schema_arrow.names):
             raise ValueError("has other columns than a ledger")
         # of a version whose attempts have other columns
         table = pa.Table.from_pylist(file.read().to_pylist(), schema=SCHEMA)
-        return table if columns is None else table.select(list(columns))
+        return picked(table, columns)
+
+
+def empty(columns: Iterable[str] | None = None) -> pa.Table:
+    """A table of no entry, with all columns or some."""
+    return picked(SCHEMA.empty_table(), columns)
+
+
+def picked(table: pa.Table, columns: Iterable[str] | None = None) -> pa.Table:
+    """All columns or some; of the attempts some are named like "attempts.reason". Keys are numbered texts then."""
+    if columns is None:
+        return table
+    table = table.set_column(_KEYS, _SOME.field(_KEYS), table["keys"].dictionary_encode())
+    parts = [name.removeprefix(ONE) for name in columns if name.startswith(ONE)]
+    plain = [name for name in columns if not name.startswith(ONE)]
+    if not parts:
+        return table.select(plain)
+    column = single(table["attempts"])
+    flat = column.flatten()
+    fields = [field for field in ATTEMPTS if field.name in parts]
+    struct = pa.StructArray.from_arrays([flat.field(field.name) for field in fields], fields=fields)
+    starts = np.concatenate([[0], np.cumsum(lengths(column))])
+    offsets = pa.Array.from_buffers(pa.int32(), len(starts), [None, pa.py_buffer(starts.astype(np.int32))])
+    return table.select(plain).append_column("attempts", pa.ListArray.from_arrays(offsets, struct))
 
 
 def _sum_at(data: bytes) -> int:

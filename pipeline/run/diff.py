@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Files
 from pipeline.data.growth import differences
-from pipeline.data.ledger_files import NO_RECORD
+from pipeline.data.ledger import NO_RECORD
 from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
 

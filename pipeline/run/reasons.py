@@ -1,11 +1,15 @@
 """Failed attempts by reason: how many, what exactly, which conditions did not hold, and what to change first."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pipeline.stages.hints import hint, refusals
+import numpy as np
+import pyarrow as pa
+
+from pipeline.data.columns import codes, mask_of
+from pipeline.stages.hints import hint_of, refusals
 
 if TYPE_CHECKING:  # it imports the simulator
     from pipeline.stages.failure import Failure
@@ -44,15 +48,40 @@ def reasons(rows: Iterable[Mapping[str, Any]]) -> list[Reason]:
     for row in rows:
         if row["reason"]:
             groups[row["stage"], row["reason"]].append(row)
-    found = [_reason(stage, reason, members) for (stage, reason), members in groups.items()]
+    found = list[Reason]()
+    for (stage, reason), members in groups.items():
+        conditions = Counter(name for row in members for name in row.get("conditions") or ())
+        found.append(_reason(stage, reason, [row.get("detail") or "" for row in members], conditions))
+    return _sorted(found)
+
+
+def reasons_in(attempts: pa.StructArray) -> list[Reason]:
+    """As `reasons`, of many attempts: a column of rows with stage, reason, detail and conditions."""
+    (of_stage, stages), (of_reason, names) = codes(attempts.field("stage")), codes(attempts.field("reason"))
+    failed = np.array([bool(name) for name in (*names, "")])[of_reason]
+    found = list[Reason]()
+    for reason, stage in np.unique(np.stack([of_reason, of_stage])[:, failed], axis=1).T.tolist():
+        rows = attempts.filter(mask_of((of_reason == reason) & (of_stage == stage)))
+        details = [detail or "" for detail in rows.field("detail").to_pylist()]
+        conditions = _counted(rows.field("conditions").flatten())
+        found.append(_reason(stages[stage] if stage >= 0 else "", names[reason], details, conditions))
+    return _sorted(found)
+
+
+def _counted(values: pa.Array) -> Counter[str]:
+    numbered, different = codes(values)
+    return Counter(dict(zip(different, np.bincount(numbered, minlength=len(different)).tolist(), strict=True)))
+
+
+def _sorted(found: Iterable[Reason]) -> list[Reason]:
     return sorted(found, key=lambda r: (-r.attempts, r.stage, r.reason))
 
 
-def _reason(stage: str, reason: str, rows: list[Mapping[str, Any]]) -> Reason:
-    details = [(row.get("detail") or "").removeprefix(f"{reason}: ") for row in rows]
-    usual = Counter(filter(None, details)).most_common(1)
-    detail = usual[0][0] if usual else ""
-    if reason == "no_motion" and (refused := sum((refusals(d) for d in details), Counter())):
+def _reason(stage: str, reason: str, details: Sequence[str], conditions: Counter[str]) -> Reason:
+    """`details` has one text for every attempt."""
+    plain = [detail.removeprefix(f"{reason}: ") for detail in details]
+    usual = Counter(filter(None, plain)).most_common(1)
+    detail, refused = usual[0][0] if usual else "", refusals(plain) if reason == "no_motion" else Counter[str]()
+    if refused:
         detail = "motions refused: " + ", ".join(f"{name} {n}" for name, n in refused.most_common())
-    conditions = Counter(name for row in rows for name in row.get("conditions") or ())
-    return Reason(stage, reason, len(rows), detail, dict(conditions.most_common()), hint(reason, details))
+    return Reason(stage, reason, len(details), detail, dict(conditions.most_common()), hint_of(reason, refused))

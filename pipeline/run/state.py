@@ -1,13 +1,18 @@
 """What of a slot is done, and what a build would do again and why."""
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.columns import codes
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Entries, Files
-from pipeline.data.ledger_files import NO_RECORD
+from pipeline.data.ledger import NO_RECORD
 from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.data.stamps import stamp_of
@@ -52,6 +57,27 @@ def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator
             yield slot, SlotState(OPEN, (REDO,), accepted)
         else:
             yield slot, state
+
+
+def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
+    """How many slots, of those that `entries` holds, a build would make again, by what of them and why: as `entry_states` says one
+    by one. `keys` must have been read; `there` (N,) says whose episode is there."""
+    keys, found = RecipeKeys(recipe), Counter[tuple[str, tuple[str, ...]]]()
+    accepted = np.array(entries.accepted, bool)
+    variants = np.array(entries.numbers[1], np.int64)
+    numbered, texts = codes(entries.table["keys"])
+    cases = ((entries.ranks * (recipe.variants + 1) + variants) * 2 + accepted) * (len(texts) + 1) + numbered
+    _, firsts, rows = np.unique(cases, return_index=True, return_inverse=True)
+    whole = np.bincount(rows, weights=there | ~accepted, minlength=len(firsts)).astype(int).tolist()
+    every = np.bincount(rows, minlength=len(firsts)).tolist()
+    for case, first in enumerate(firsts.tolist()):
+        slot = Slot(entries.cells[entries.ranks[first]], entries.numbers[0][first], entries.numbers[1][first])
+        text = texts[numbered[first]] if numbered[first] >= 0 else ""
+        state = _against(keys, slot, bool(accepted[first]), text, recipe.keep_failures != "none")
+        if state is not None and state.todo not in (DONE, OPEN):
+            number = every[case] if state.todo == PHYSICS else whole[case]
+            found[state.todo, state.because] += number
+    return +found
 
 
 def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState | None:

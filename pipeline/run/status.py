@@ -4,13 +4,23 @@ from collections import Counter
 from dataclasses import asdict
 from typing import Any
 
-import pyarrow as pa
+import numpy as np
+from numpy.typing import NDArray
 
+from pipeline.data.columns import lengths, single
 from pipeline.data.dataset import Dataset
+from pipeline.data.entries import Entries, Files
+from pipeline.data.ledger_table import ONE
 from pipeline.data.pairs import pairs_in
 from pipeline.run.floor import stops_in
-from pipeline.run.reasons import reasons
-from pipeline.run.state import DONE, OPEN, entry_states
+from pipeline.run.reasons import reasons_in
+from pipeline.run.state import redone
+
+KEYS = ("wanted", "accepted", "given_up", "attempts")
+"""What is counted of every cell."""
+
+_READ = ("seed", "outcome", "stage", "reason", "detail", "conditions")
+"""Columns of the attempts that are read: what the ledger's entries are judged by, and what the reasons of failures are made of."""
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
@@ -19,39 +29,40 @@ def status(dataset: Dataset) -> dict[str, Any]:
     "because", "slots"}; `pairs` (as Pairs) where the recipe pairs cells; `stopped`: the cells that the recipe's floor stops, as
     {"cell", "slots", "because"}."""
     recipe = dataset.recipe()
-    entries = dataset.entries(recipe, ("keys", "attempts"))
-    todo = (state for _, state in entry_states(dataset, recipe, entries))
-    redo = Counter((state.todo, state.because) for state in todo if state.todo not in (DONE, OPEN))
-    there = dataset.present(entries)
-    tried = there.table["attempts"].combine_chunks()
-    numbers = tried.value_lengths().to_pylist()
-    cells: dict[str, Counter[str]] = {c.path: Counter(wanted=n * recipe.variants) for c, n in recipe.counts().items()}
-    paths = {c: c.path for c in recipe.counts()}
-    for slot, accepted, number in zip(there.slots, there.accepted, numbers, strict=True):
-        count = cells[paths[slot.cell]]
-        count["accepted" if accepted else "given_up"] += 1
-        count["attempts"] += number
-        count["solved"] += accepted and not slot.variant
-    total = sum(cells.values(), Counter())
-    summary = {key: total[key] for key in ("wanted", "accepted", "given_up", "attempts")}
+    entries = dataset.entries(recipe, ("keys", *(f"{ONE}{name}" for name in _READ)))
+    files = Files(dataset.episodes)
+    listed = files.listed(entries)
+    redo = redone(recipe, entries, files.there_of(entries, listed))
+    there = entries.kept(listed | ~np.array(entries.accepted, bool))
+    tried, accepted = single(there.table["attempts"]), np.array(there.accepted, bool)
+    first = accepted & (np.array(there.numbers[1]) == 0)
+    counted = {
+        "wanted": [number * recipe.variants for number in recipe.counts().values()],
+        "accepted": _by_cell(there, accepted),
+        "given_up": _by_cell(there, ~accepted),
+        "attempts": _by_cell(there, lengths(tried)),
+        "solved": _by_cell(there, first),
+    }
+    cells = {cell.path: {name: counts[rank] for name, counts in counted.items()} for rank, cell in enumerate(there.cells)}
+    total = {name: sum(counts) for name, counts in counted.items()}
+    summary = {key: total[key] for key in KEYS}
     rate = total["solved"] / total["attempts"] if total["attempts"] else None
-    keys = ("wanted", "accepted", "given_up", "attempts")
-    rows = _failed(tried.flatten())
+    failures = reasons_in(tried.flatten())
+    by_reason = Counter[str]()
+    for failure in failures:
+        by_reason[failure.reason] += failure.attempts
     return summary | {
         "open": total["wanted"] - total["accepted"] - total["given_up"],
         "attempt_success": rate,
-        "reasons": dict(Counter(row["reason"] for row in rows).most_common()),
-        "failures": [asdict(reason) for reason in reasons(rows)],
+        "reasons": dict(by_reason.most_common()),
+        "failures": [asdict(reason) for reason in failures],
         "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
         "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stops_in(dataset, recipe)],
         "redo": [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())],
-        "cells": {path: {key: count[key] for key in keys} for path, count in cells.items()},
+        "cells": {path: {key: count[key] for key in KEYS} for path, count in cells.items()},
     }
 
 
-def _failed(attempts: pa.StructArray) -> list[dict[str, Any]]:
-    """The failed attempts, only the columns that `reasons` reads."""
-    names = ("stage", "reason", "detail", "conditions")
-    table = pa.table({name: attempts.field(name) for name in names})
-    failed = [bool(reason) for reason in table["reason"].to_pylist()]
-    return table.filter(pa.array(failed, pa.bool_())).to_pylist()
+def _by_cell(entries: Entries, values: NDArray[Any]) -> list[int]:
+    """The sum of some values (N,) of the rows, for every cell."""
+    return np.bincount(entries.ranks, weights=values, minlength=len(entries.cells)).astype(int).tolist()

@@ -56,18 +56,23 @@ NO_MOTION_HINTS = {
 """Hint by what refused most motions (motion/judge.py)."""
 
 
-def refusals(detail: str) -> Counter[str]:
-    """How many motions each check refused, from the detail of a no_motion failure."""
-    return Counter({name: int(n) for name, n in re.findall(r"\b([a-z_]+) (\d+)\b", detail) if name in NO_MOTION_HINTS})
+def refusals(details: Iterable[str]) -> Counter[str]:
+    """How many motions each check refused, from the details of no_motion failures."""
+    found = Counter[str]()
+    for name, number in re.findall(r"\b([a-z_]+) (\d+)\b", "\n".join(details)):
+        if name in NO_MOTION_HINTS:
+            found[name] += int(number)
+    return found
 
 
 def hint(reason: str, details: Iterable[str] = ()) -> str:
     """What to change first; for no_motion by what refused most of the motions in `details`. "" for an unknown reason."""
-    if reason == "no_motion":
-        counts = sum((refusals(detail) for detail in details), Counter())
-        if counts:
-            return NO_MOTION_HINTS[counts.most_common(1)[0][0]]
-    return HINTS.get(reason, "")
+    return hint_of(reason, refusals(details) if reason == "no_motion" else Counter())
 
 
-__all__ = ["HINTS", "NO_MOTION_HINTS", "hint", "refusals"]
+def hint_of(reason: str, refused: Counter[str]) -> str:
+    """As `hint`, from the motions refused by each check."""
+    return NO_MOTION_HINTS[refused.most_common(1)[0][0]] if refused else HINTS.get(reason, "")
+
+
+__all__ = ["HINTS", "NO_MOTION_HINTS", "hint", "hint_of", "refusals"]
