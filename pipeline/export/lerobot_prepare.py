@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pipeline.export.common import ExportError, Facts, read_facts, reading
 from pipeline.export.lerobot_encoded import Encoded, clip_name
-from pipeline.export.stats import plane_counts, sample_rows
+from pipeline.export.stats import PlaneCounts, sample_rows
 from pipeline.export.video import Codec, decoded_planes, encode
 from pipeline.export.video_file import Clip
 
@@ -45,12 +45,13 @@ def prepare(source: Source, dataset: Path, codec: Codec) -> Prepared:
             raise ExportError(f"{path}: images of {facts.size} cannot become video; height and width must be even")
         if source.known is not None:
             return Prepared(source.sha, facts, source.known)
-        rows = sample_rows(len(facts))
+        rows = frozenset(sample_rows(len(facts)).tolist())
         videos, colors = {}, {}
         for camera in facts.cameras:
-            frames = list(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()))
-            colors[camera] = plane_counts([frames[i] for i in rows])
+            counted = PlaneCounts()
+            frames = counted.passing(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()), rows)
             videos[camera] = Clip.of(encode(frames, facts.fps, codec), clip_name(source.sha, camera))
+            colors[camera] = counted.counts()
     return Prepared(source.sha, facts, Encoded(videos, colors, len(rows)))
 
 

@@ -4,7 +4,7 @@ LeRobot estimates quantiles from histograms of 5,000 bins and, over a dataset, a
 computed from all values: the smallest value x with F(x) >= q, which is what its histogram approximates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 import cv2
@@ -46,23 +46,48 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
     return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
 
 
-def plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
-    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only."""
+class PlaneCounts:
+    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only.
+
+    Frames are counted as they pass, TOGETHER at a time, so that they are still in the cache of a core.
+    """
+
+    def __init__(self) -> None:
+        self._counts, self._waiting = np.zeros((3, 256), np.int64), list[Any]()
+
+    def passing(self, frames: Iterable[Any], rows: Collection[int]) -> Iterator[Any]:
+        """The frames, of which those numbered `rows` are counted."""
+        for number, frame in enumerate(frames):
+            if number in rows:
+                self._waiting.append(frame)
+                if len(self._waiting) == TOGETHER:
+                    self._count()
+            yield frame
+
+    def counts(self) -> NDArray[np.int64]:
+        """How often each value occurred, (3,256)."""
+        self._count()
+        return self._counts
+
+    def _count(self) -> None:
+        some, self._waiting = self._waiting, []
+        if some:
+            self._counts += _plane_counts(some)
+
+
+def _plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
     first = frames[0]
     step = _step(first.height, first.width)
     if first.format.name != "yuvj420p" or first.width % (2 * step) or first.height % (2 * step):
         return color_counts([frame.to_ndarray(format="rgb24") for frame in frames])
-    counts, (width, height) = np.zeros((3, 256), np.int64), (first.width // step, first.height // step)
-    for at in range(0, len(frames), TOGETHER):
-        some = frames[at : at + TOGETHER]
-        thin: Any = np.empty((len(some), height, width, 3), np.uint8)
-        for frame, pixels in zip(some, thin, strict=True):
-            luma, blue, red = (samples(plane) for plane in frame.planes)
-            luma, *chroma = (_thinned(plane, (width, height)) for plane in (luma, _at_pixels(red, step), _at_pixels(blue, step)))
-            cv2.merge((luma, *chroma), pixels)
-        # the range is the full one of a JPEG
-        counts += _counts(cv2.cvtColor(thin.reshape(-1, width, 3), cv2.COLOR_YCrCb2RGB))
-    return counts
+    width, height = first.width // step, first.height // step
+    thin: Any = np.empty((len(frames), height, width, 3), np.uint8)
+    for frame, pixels in zip(frames, thin, strict=True):
+        luma, blue, red = (samples(plane) for plane in frame.planes)
+        luma, *chroma = (_thinned(plane, (width, height)) for plane in (luma, _at_pixels(red, step), _at_pixels(blue, step)))
+        cv2.merge((luma, *chroma), pixels)
+    # the range is the full one of a JPEG
+    return _counts(cv2.cvtColor(thin.reshape(-1, width, 3), cv2.COLOR_YCrCb2RGB))
 
 
 def _at_pixels(chroma: NDArray[np.uint8], step: int) -> Any:

@@ -78,7 +78,7 @@ def pyav() -> Any:
 
 
 def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
-    """JPEG bytes -> av.VideoFrame with the planes that the JPEG holds, for `encode` and `plane_counts`.
+    """JPEG bytes -> av.VideoFrame with the planes that the JPEG holds, for `encode` and `PlaneCounts`.
 
     They are not made RGB and then YUV again: that costs as much as encoding. Raises EpisodeError for bytes that are no whole image.
     """
