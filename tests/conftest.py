@@ -1,7 +1,18 @@
 """Shared by all tests. Its being here makes pytest put the repository root first on the path, so that `tests.synthetic` is ours."""
 
+import os
+
+import pytest
 from hypothesis import settings
 
 # what a busy machine delays is no failure
 settings.register_profile("any_machine", deadline=None)
 settings.load_profile("any_machine")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def without_waiting_for_the_disk():
+    """No test cuts the power: what is written need not be on the disk before a test goes on."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
+        yield

@@ -14,19 +14,19 @@ from pipeline.data.episode import EpisodeError, open_episode
 from pipeline.stages.redraw import redraw
 from pipeline.world import robots
 from pipeline.world.robots import ALIASES, MODELS, get_embodiment, models
-from tests.run.test_build import command
+from tests.run.command import WANTED, inside
 from tests.world.robots.test_vendor_meshes import vendor_package
 
 PAGE = Path(__file__).parent.parent / "docs" / "add_a_robot.md"
-TINY = ("--tasks", "click_bell", "--levels", "1", "--episodes", "1", "--render", "raster-fast", "--executor", "inline", "--quiet")
+TINY = (*WANTED, "--levels", "1", "--executor", "inline", "--quiet")
 
 
 @pytest.fixture
-def say(capsys, monkeypatch):
+def say():
     """Run the command in this process; what it printed, or its one line of complaint where it must leave with code 2."""
 
     def run(*arguments, code=0):
-        left, out, err = command(capsys, monkeypatch, *arguments)
+        left, out, err = inside(*arguments)
         assert left == code, err
         assert code != 2 or (out == "" and err.startswith("domino-data: ") and err.count("\n") == 1), err
         return err if code == 2 else out

@@ -14,14 +14,16 @@ HEIGHT = 180  # pixels of each camera
 
 
 def clip(path: Path, height: int = HEIGHT) -> bytes:
-    """The mp4 of an episode, its cameras `height` pixels high. b"" where PyAV is not installed: it comes with the lerobot extra.
+    """The mp4 of an episode, its cameras `height` pixels high, or as high as the highest of them where none reaches that. b"" where
+    PyAV is not installed: it comes with the lerobot extra.
 
     Raises EpisodeError for a file that is no episode or has no camera.
     """
     with open_episode(path) as e:
         if not e.cameras:
             raise EpisodeError(f"{path}: has no camera")
-        return encode_mp4(_frames(e, height), e.fps)
+        highest = max(e.rgb(camera, 0).shape[0] for camera in e.cameras)
+        return encode_mp4(_frames(e, min(height, 2 * round(highest / 2))), e.fps)
 
 
 def _frames(e: EpisodeFile, height: int) -> Iterator[NDArray[np.uint8]]:

@@ -30,6 +30,7 @@ def test_the_film_has_every_frame_of_every_camera_side_by_side(tmp_path):
             shown = images[6][:, i * width : (i + 1) * width].mean((0, 1))
             assert np.abs(shown - e.rgb(camera, 6).mean((0, 1))).max() < 8
     assert clip(path, 64) == clip(path, 64)
+    assert clip(path, 1000) == clip(path, first.shape[0])
 
 
 def test_the_page_says_what_happened_and_holds_all_it_shows(tmp_path):

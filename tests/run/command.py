@@ -1,18 +1,23 @@
 """The real command in a process of its own, and what it must have made whoever did the work."""
 
+import io
 import os
+import signal
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
+import pytest
 
+from pipeline.cli import main
 from pipeline.data.dataset import Dataset
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("domino-data")
-WANTED = ("--embodiment", "aloha", "--tasks", "click_bell", "--levels", "1,2,3", "--episodes", "1", "--render", "raster-fast")
+WANTED = ("--manifest", Path(__file__).with_name("small.yaml"))
 PATIENCE = 400
 
 
@@ -29,6 +34,23 @@ def run(*arguments, code=0, extra=None):
     assert process.returncode == code, f"{arguments}: {process.returncode}\n{out}\n{err}"
     assert "Traceback" not in err
     return out if code == 0 else err
+
+
+def inside(*arguments):
+    """The command in this process, which saves its start: exit code, standard output, standard error."""
+    out, err = io.StringIO(), io.StringIO()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["domino-data", *map(str, arguments)])
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = leave.code or 0
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+    return code, out.getvalue(), err.getvalue()
 
 
 def build(out, *more, **options):

@@ -3,7 +3,7 @@
 import pytest
 from filelock import FileLock
 
-from tests.run.command import build
+from tests.run.command import WANTED, inside
 
 
 @pytest.fixture(scope="session")
@@ -13,5 +13,6 @@ def built(tmp_path_factory, worker_id):
     shared = (base if worker_id == "master" else base.parent) / "built-once"
     with FileLock(f"{shared}.lock"):
         if not (shared / "report" / "index.html").exists():
-            build(shared, "--executor", "inline")
+            code, _, err = inside("build", *WANTED, "--out", shared, "--quiet", "--executor", "inline")
+            assert code == 0, err
     return shared

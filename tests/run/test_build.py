@@ -3,7 +3,6 @@
 import json
 import shutil
 import signal
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,31 +11,14 @@ import h5py
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.cli import main
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key
 from pipeline.data.ledger_table import encoded
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
 from pipeline.stages.hints import NO_MOTION_HINTS
-from tests.run.command import PATIENCE, ROOT, WANTED, build, contents, run, slots, start, temporaries
+from tests.run.command import PATIENCE, ROOT, WANTED, build, contents, inside, run, slots, start, temporaries
 from tests.synthetic import make_episode
-
-
-def command(capsys, monkeypatch, *arguments):
-    """The command in this process, which saves its start: exit code, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["domino-data", *map(str, arguments)])
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        main()
-        code = 0
-    except SystemExit as leave:
-        code = leave.code or 0
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture
@@ -48,8 +30,8 @@ def mine(built, tmp_path):
 # --- one dataset ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_built_dataset_keeps_its_promises(built, capsys, monkeypatch):
-    checks = json.loads(run("verify", built, "--json"))
+def test_a_built_dataset_keeps_its_promises(built):
+    checks = json.loads(inside("verify", built, "--json")[1])
     assert checks["ok"]
     assert checks["episodes"] == 3
     names = {c["name"] for c in checks["checks"]}
@@ -69,7 +51,7 @@ def test_a_built_dataset_keeps_its_promises(built, capsys, monkeypatch):
     meeting = checks["meeting"]["click_bell"]
     assert meeting["median_abs_seconds"] < 0.1
     assert meeting["median_metres"] < 0.01
-    _, out, _ = command(capsys, monkeypatch, "status", built, "--json")
+    _, out, _ = inside("status", built, "--json")
     status = json.loads(out)
     assert (status["wanted"], status["accepted"], status["given_up"], status["open"]) == (3, 3, 0, 0)
     rows = pq.read_table(built / "attempts.parquet").to_pylist()
@@ -80,60 +62,60 @@ def test_a_built_dataset_keeps_its_promises(built, capsys, monkeypatch):
     assert not temporaries(built)
 
 
-def test_a_finished_dataset_is_left_as_it_is(mine, capsys, monkeypatch):
+def test_a_finished_dataset_is_left_as_it_is(mine):
     before = {p: p.stat().st_mtime_ns for p in mine.glob("episodes/**/*.hdf5")}
-    code, out, _ = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet", "--json")
+    code, out, _ = inside("build", *WANTED, "--out", mine, "--quiet", "--json")
     assert code == 0
     assert (json.loads(out)["made"], json.loads(out)["accepted"]) == (0, 3)
-    code, _, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet", "--seed", "5")
+    code, _, err = inside("build", *WANTED, "--out", mine, "--quiet", "--seed", "5")
     assert code == 2
     assert "another recipe" in err
     assert {p: p.stat().st_mtime_ns for p in mine.glob("episodes/**/*.hdf5")} == before
 
 
-def test_a_dataset_grows_and_keeps_what_it_holds(mine, capsys, monkeypatch):
+def test_a_dataset_grows_and_keeps_what_it_holds(mine):
     before = {p: p.read_bytes() for p in mine.glob("episodes/**/*.hdf5")}
     larger = (*WANTED, "--levels", "0,1,2,3", "--out", mine, "--quiet", "--json", "--executor", "inline")
-    code, out, err = command(capsys, monkeypatch, "build", *larger)
+    code, out, err = inside("build", *larger)
     assert (code, err) == (0, "")
     assert (json.loads(out)["made"], json.loads(out)["accepted"]) == (1, 4)
     assert {p: p.read_bytes() for p in before} == before
-    code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet")
+    code, out, err = inside("build", *WANTED, "--out", mine, "--quiet")
     assert (code, out) == (2, "")
     assert "levels 0" in err and err.count("\n") == 1
 
 
-def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(mine, capsys, monkeypatch):
+def test_episodes_of_another_version_are_exported_and_annotated_with_a_warning(mine):
     ledger = Dataset(mine).ledger
     for slot, record in list(ledger.entries()):
         physics = Key(record.keys.physics.parts | {"core": "0" * 32})
         ledger.add([(slot, replace(record, keys=replace(record.keys, physics=physics)))])
     for words in (("export", mine, "--format", "parquet"), ("annotate", mine, "--stages", "flow", "--flow-stride", "2")):
-        code, out, err = command(capsys, monkeypatch, *words, "--json")
+        code, out, err = inside(*words, "--json")
         assert (code, json.loads(out)["episodes"]) == (0, 3)
         assert "warning: 3 episodes are of another version" in err and err.count("\n") == 1
 
 
-def test_exports_are_checked_against_the_episodes(mine, capsys, monkeypatch):
+def test_exports_are_checked_against_the_episodes(mine):
     for name in ("lerobot", "aloha", "parquet"):
-        code, out, err = command(capsys, monkeypatch, "export", mine, "--format", name, "--json")
+        code, out, err = inside("export", mine, "--format", name, "--json")
         assert code == 0, err
         assert json.loads(out)["episodes"] == 3
-    code, out, _ = command(capsys, monkeypatch, "verify", mine, "--json")
+    code, out, _ = inside("verify", mine, "--json")
     checks = {c["name"]: c["ok"] for c in json.loads(out)["checks"]}
     assert [checks[f"export {name}"] for name in ("lerobot", "aloha", "parquet")] == [True] * 3
     assert code == 0
     next((mine / "exports" / "parquet").glob("data-*.parquet")).write_bytes(b"")
-    code, out, _ = command(capsys, monkeypatch, "verify", mine, "--json")
+    code, out, _ = inside("verify", mine, "--json")
     assert code == 1
     assert [c["name"] for c in json.loads(out)["checks"] if not c["ok"]] == ["export parquet"]
 
 
-def test_a_damaged_episode_is_found_and_made_again(mine, built, capsys, monkeypatch):
+def test_a_damaged_episode_is_found_and_made_again(mine, built):
     path = next(mine.glob("episodes/**/L2/**/*.hdf5"))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    code, out, err = command(capsys, monkeypatch, "verify", mine, "--json")
+    code, out, err = inside("verify", mine, "--json")
     assert (code, err) == (1, "")
     failed = {c["name"]: c["problems"] for c in json.loads(out)["checks"] if not c["ok"]}
     name = path.relative_to(mine).as_posix()
@@ -141,18 +123,19 @@ def test_a_damaged_episode_is_found_and_made_again(mine, built, capsys, monkeypa
     assert failed["readable"][0].startswith(name)
     assert set(failed) == {"hashes", "readable"}
     path.unlink()
-    assert json.loads(build(mine, "--json"))["made"] == 1
+    code, out, err = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
+    assert (code, err, json.loads(out)["made"]) == (0, "", 1)
     assert contents(mine) == contents(built)
 
 
-def test_a_damaged_and_a_missing_episode_and_assets_are_made_again(mine, built, capsys, monkeypatch):
+def test_a_damaged_and_a_missing_episode_and_assets_are_made_again(mine, built):
     first, second = sorted(mine.glob("episodes/**/*.hdf5"))[:2]
     gone, damaged, *others = sorted(mine.glob("assets/bodies/*/*.npz"))
     gone.unlink()
     damaged.write_bytes(b"PK")
     first.write_bytes(first.read_bytes()[:5000])
     second.unlink()
-    code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
+    code, out, err = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
     assert (code, err) == (0, "")
     assert json.loads(out)["made"] == 2
     assert contents(mine) == contents(built)
@@ -163,11 +146,11 @@ def test_a_damaged_and_a_missing_episode_and_assets_are_made_again(mine, built, 
 
 
 @pytest.mark.parametrize("verb", [("export", "--format", "parquet"), ("annotate", "--stages", "flow")])
-def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, capsys, monkeypatch, verb):
+def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, verb):
     path = next(mine.glob("episodes/**/L2/**/*.hdf5"))
     with h5py.File(path, "r+") as file:
         file["joint_action/vector"][0, 0] += 1e-3
-    code, out, err = command(capsys, monkeypatch, verb[0], mine, *verb[1:], "--json")
+    code, out, err = inside(verb[0], mine, *verb[1:], "--json")
     assert code == (2 if verb[0] == "export" else 1)
     said = err if verb[0] == "export" else json.loads(out)["stages"][0]["problems"][0]
     assert str(path) in said
@@ -178,9 +161,8 @@ def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, caps
 # --- who does the work ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_ray_workers_make_the_same_bytes(built, tmp_path, workers):
-    build(tmp_path / "out", "--executor", "ray", "--workers", workers)
+def test_ray_workers_make_the_same_bytes(built, tmp_path):
+    build(tmp_path / "out", "--executor", "ray", "--workers", 2)
     assert contents(tmp_path / "out") == contents(built)
 
 
@@ -203,7 +185,8 @@ def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_pa
             assert "the same command goes on" in err
             assert not [p for p in temporaries(out) if str(process.pid) in p.name]
         assert len(slots(out)) == number
-    assert json.loads(build(out, "--json", "--executor", "inline"))["made"] == 1
+    code, told, err = inside("build", *WANTED, "--out", out, "--quiet", "--json", "--executor", "inline")
+    assert (code, err, json.loads(told)["made"]) == (0, "", 1)
     assert contents(out) == contents(built)
     assert not temporaries(out)
 
@@ -227,24 +210,25 @@ h5py.File.__init__ = cramped
 def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path):
     (tmp_path / "sitecustomize.py").write_text(SMALL_DISK)
     out = tmp_path / "out"
-    err = build(out, "--levels", "1", "--executor", "inline", code=2, extra={"PYTHONPATH": f"{tmp_path}:{ROOT}"})
+    wanted = ("--tasks", "click_bell", "--levels", "1", "--episodes", "1", "--render", "raster-fast", "--executor", "inline")
+    err = run("build", *wanted, "--out", out, "--quiet", code=2, extra={"PYTHONPATH": f"{tmp_path}:{ROOT}"})
     assert len(err.strip().splitlines()) == 1
     assert "too large" in err
     assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == ["provenance.json"]
 
 
-def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, capsys, monkeypatch):
+def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, monkeypatch):
     def failing(*_):
         raise Failure("back_calculate", "no_motion", "workspace 828, visibility 1, blocked 171")
 
     monkeypatch.setattr("pipeline.run.slot.attempt", failing)
     arguments = (*WANTED, "--attempts", "2", "--out", tmp_path / "out", "--quiet", "--executor", "inline")
-    code, out, err = command(capsys, monkeypatch, "build", *arguments)
+    code, out, err = inside("build", *arguments)
     assert code == 3
     assert "0 of 3 episodes" in out
     assert err.count("\n") == 1 and "3 slots were given up after 2 attempts each" in err and "domino-data status" in err
-    assert command(capsys, monkeypatch, "build", *arguments)[0] == 3
-    code, out, _ = command(capsys, monkeypatch, "status", tmp_path / "out")
+    assert inside("build", *arguments)[0] == 3
+    code, out, _ = inside("status", tmp_path / "out")
     assert code == 0
     assert "6 x back_calculate: no_motion (motions refused: workspace 4968, blocked 1026, visibility 6)" in out
     assert NO_MOTION_HINTS["workspace"] in out
@@ -255,10 +239,10 @@ def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, ca
 # --- planning and bad input -------------------------------------------------------------------------------------------------
 
 
-def test_a_plan_writes_nothing(capsys, monkeypatch, tmp_path, built):
+def test_a_plan_writes_nothing(monkeypatch, tmp_path, built):
     monkeypatch.chdir(tmp_path)
     arguments = ("--tasks", "click_bell,grab_roller", "--levels", "0,2", "--alpha", "0.1,0.2", "--episodes", "7", "--json")
-    code, out, _ = command(capsys, monkeypatch, "plan", *arguments, "--workers", "2", "--out", tmp_path / "none")
+    code, out, _ = inside("plan", *arguments, "--workers", "2", "--out", tmp_path / "none")
     values = json.loads(out)
     assert code == 0
     # level 0 once, level 2 at two speeds
@@ -268,18 +252,18 @@ def test_a_plan_writes_nothing(capsys, monkeypatch, tmp_path, built):
     assert values["estimated_hours"] > 0
     assert values["estimated_bytes"] > 42e5
     assert list(tmp_path.iterdir()) == []
-    _, out, _ = command(capsys, monkeypatch, "plan", *WANTED, "--out", built, "--json")
+    _, out, _ = inside("plan", *WANTED, "--out", built, "--json")
     values = json.loads(out)
     assert (values["finished"], values["estimated_bytes"], values["estimate_from"]) == (3, 0, "this dataset")
 
 
-def test_lists_are_for_programs_to_read(capsys, monkeypatch):
-    _, out, _ = command(capsys, monkeypatch, "tasks", "--json")
+def test_lists_are_for_programs_to_read():
+    _, out, _ = inside("tasks", "--json")
     bell = next(t for t in json.loads(out) if t["name"] == "click_bell")
     assert bell["category"] == "tracking"
     assert bell["objects"] == ["bell"]
     assert bell["step_limit"] > 0
-    _, out, _ = command(capsys, monkeypatch, "embodiments", "--json")
+    _, out, _ = inside("embodiments", "--json")
     assert {"aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg"} <= {e["name"] for e in json.loads(out)}
 
 
@@ -305,14 +289,14 @@ def test_lists_are_for_programs_to_read(capsys, monkeypatch):
         (("--manifest", "broken.yaml"), "broken.yaml"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(capsys, monkeypatch, tmp_path, arguments, said):
+def test_bad_input_is_one_line_and_nothing_is_written(monkeypatch, tmp_path, arguments, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "unknown.yaml").write_text("tasks: click_bell\nepisdoes: 3\n")
     (tmp_path / "broken.yaml").write_text("a: [1\nb: {")
     for verb in ("build", "plan"):
         if verb == "plan" and arguments[0] == "--executor":
             continue
-        code, out, err = command(capsys, monkeypatch, verb, *arguments, "--out", "OUT")
+        code, out, err = inside(verb, *arguments, "--out", "OUT")
         assert (code, out) == (2, "")
         assert err.count("\n") == 1
         assert err.startswith("domino-data: ")
@@ -322,47 +306,47 @@ def test_bad_input_is_one_line_and_nothing_is_written(capsys, monkeypatch, tmp_p
 
 @pytest.mark.parametrize("verb", [("status",), ("verify",), ("export", "--format", "parquet")])
 @pytest.mark.parametrize("place", ["missing", "foreign", "file", "damaged"])
-def test_a_place_that_is_no_dataset_is_one_line(capsys, monkeypatch, tmp_path, verb, place):
+def test_a_place_that_is_no_dataset_is_one_line(tmp_path, verb, place):
     (tmp_path / "foreign").mkdir()
     (tmp_path / "foreign" / "thesis.txt").write_text("precious")
     (tmp_path / "file").write_text("x")
     (tmp_path / "damaged").mkdir()
     (tmp_path / "damaged" / "manifest.yaml").write_text("levels: [9]\n")
-    code, _, err = command(capsys, monkeypatch, *verb, tmp_path / place)
+    code, _, err = inside(*verb, tmp_path / place)
     assert code == 2
     assert err.count("\n") == 1
     assert place in err
 
 
 @pytest.mark.parametrize("place", ["foreign", "file"])
-def test_a_build_leaves_other_peoples_files_alone(capsys, monkeypatch, tmp_path, place):
+def test_a_build_leaves_other_peoples_files_alone(tmp_path, place):
     (tmp_path / "foreign").mkdir()
     (tmp_path / "foreign" / "thesis.txt").write_text("precious")
     (tmp_path / "file").write_text("x")
-    code, _, err = command(capsys, monkeypatch, "build", *WANTED, "--executor", "inline", "--quiet", "--out", tmp_path / place)
+    code, _, err = inside("build", *WANTED, "--executor", "inline", "--quiet", "--out", tmp_path / place)
     assert code == 2
     assert err.count("\n") == 1
     assert [p.name for p in (tmp_path / "foreign").iterdir()] == ["thesis.txt"]
     assert (tmp_path / "file").read_text() == "x"
 
 
-def test_exports_of_nothing_and_of_an_unknown_kind_are_refused(capsys, monkeypatch, tmp_path):
+def test_exports_of_nothing_and_of_an_unknown_kind_are_refused(tmp_path):
     recipe = recipe_from({"tasks": "click_bell", "levels": 1, "episodes": 1})
     (tmp_path / "manifest.yaml").write_text(recipe.to_yaml())
     for name, said in (("parquet", "no finished episodes"), ("gif", "gif")):
-        code, _, err = command(capsys, monkeypatch, "export", tmp_path, "--format", name)
+        code, _, err = inside("export", tmp_path, "--format", name)
         assert code == 2
         assert said in err
         assert err.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["manifest.yaml"]
 
 
-def test_an_episode_without_a_ledger_entry_is_found(capsys, monkeypatch, mine):
+def test_an_episode_without_a_ledger_entry_is_found(mine):
     ledger = Dataset(mine).ledger
     [(group, table)] = [(group, ledger.table(group)) for group in ledger.groups()]
     ledger.file(group).write_bytes(encoded(table.filter([level != 3 for level in table["level"].to_pylist()])))
     stray = next(mine.glob("episodes/**/L3/**/*.hdf5"))
     make_episode(stray, frames=2)
-    code, out, _ = command(capsys, monkeypatch, "verify", mine, "--json")
+    code, out, _ = inside("verify", mine, "--json")
     assert code == 1
     assert stray.relative_to(mine).as_posix() in next(c for c in json.loads(out)["checks"] if c["name"] == "files")["problems"][0]

@@ -20,7 +20,7 @@ from pipeline.export.card import read_card
 from pipeline.planning.planner import planner_for
 from pipeline.run.image_rungs import ImageTraining, image_policy, lerobot_dataset
 from pipeline.run.ladder import Ladder, climb
-from tests.run.test_build import command
+from tests.run.command import inside
 
 
 def test_a_datasets_episodes_are_those_made_without_images(built):
@@ -97,19 +97,19 @@ def test_results_of_other_tasks_stay_while_the_program_is_the_same(tmp_path):
     assert [row["task"] for row in read_results(path)[0]] == ["a"]
 
 
-def test_an_export_has_the_table_on_its_card(built, tmp_path, capsys, monkeypatch):
+def test_an_export_has_the_table_on_its_card(built, tmp_path):
     path = tmp_path / RESULTS
     words = ("export", built, "--format", "parquet", "--out", tmp_path / "out", "--ladder", path)
     for text in ("{}", '{"code": "c", "results": []}', "no"):
         path.write_text(text)
-        code, _, err = command(capsys, monkeypatch, *words)
+        code, _, err = inside(*words)
         assert code == 2 and err.count("\n") == 1 and str(path) in err
     path.unlink()
     write_results(path, results("stamp_seal"), "c")
-    code, _, err = command(capsys, monkeypatch, *words)
+    code, _, err = inside(*words)
     assert code == 2 and "has stamp_seal on aloha-agilex, none of it in the dataset" in err
     write_results(path, results("click_bell"), "c")
-    code, _, _ = command(capsys, monkeypatch, *words, "--json")
+    code, _, _ = inside(*words, "--json")
     text = read_card(tmp_path / "out" / "README.md")[1]
     section = text.split("\n## Sanity ladder\n")[1].split("\n## ")[0]
     assert code == 0 and "| click_bell | position | 8 | 4 | 40 (22-61) |" in section and "stamp_seal" not in section

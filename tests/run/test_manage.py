@@ -17,7 +17,7 @@ from pipeline.run.diff import diff
 from pipeline.run.gc import collect
 from pipeline.run.merge import merge
 from pipeline.run.regenerate import find_slot
-from tests.run.test_build import command
+from tests.run.command import inside
 from tests.synthetic import make_episode
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 3})
@@ -55,15 +55,15 @@ def everything(root):
 # --- diff -------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_dataset_does_not_differ_from_its_copy(tmp_path, capsys, monkeypatch):
+def test_a_dataset_does_not_differ_from_its_copy(tmp_path):
     a = made(tmp_path / "a", {0, 1, 2})
     shutil.copytree(a.root, tmp_path / "b")
     assert diff(a, Dataset(tmp_path / "b")) == {"same": 3, "differ": [], "why": {}, "recipes": []}
-    code, out, err = command(capsys, monkeypatch, "diff", a.root, tmp_path / "b")
+    code, out, err = inside("diff", a.root, tmp_path / "b")
     assert (code, out.strip(), err) == (0, "3 slots are the same, 0 differ", "")
 
 
-def test_what_differs_is_named_with_its_reason(tmp_path, capsys, monkeypatch):
+def test_what_differs_is_named_with_its_reason(tmp_path):
     a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0, 1})
     first, second, third = RECIPE.slots()
     other = replace(KEYS, physics=Key({"core": "9"}), render=Key({"renderer": "2", "shaders": "x"}))
@@ -81,7 +81,7 @@ def test_what_differs_is_named_with_its_reason(tmp_path, capsys, monkeypatch):
     }
     a.episode(third).unlink()
     assert diff(a, b)["differ"][2]["a"] == "is finished, and its episode is gone"
-    code, out, _ = command(capsys, monkeypatch, "diff", a.root, b.root, "--json")
+    code, out, _ = inside("diff", a.root, b.root, "--json")
     assert (code, len(json.loads(out)["differ"])) == (1, 3)
 
 
@@ -127,7 +127,7 @@ def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
 
 
 @pytest.mark.parametrize("fault", ["recipe", "code", "bytes", "damaged"])
-def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault, capsys, monkeypatch):
+def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
     other = RECIPE.model_copy(update={"seed": 3}) if fault == "recipe" else RECIPE
     a, b = made(tmp_path / "a", {0, 1}), made(tmp_path / "b", {1, 2}, other)
     _, second, third = RECIPE.slots()
@@ -138,7 +138,7 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault, ca
             file.attrs["touched"] = 1
     if fault == "bytes":
         b.ledger.add([(second, record_of(b, second))])
-    code, out, err = command(capsys, monkeypatch, "merge", a.root, b.root, "--out", tmp_path / "c")
+    code, out, err = inside("merge", a.root, b.root, "--out", tmp_path / "c")
     said = {"recipe": "seed is 0 there, not 3", "code": "physics: core", "bytes": "with other bytes", "damaged": "bytes differ"}
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert said[fault] in err
@@ -148,7 +148,7 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault, ca
 # --- gc ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path, capsys, monkeypatch):
+def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path):
     dataset = made(tmp_path / "out", {0, 1})
     before = everything(dataset.root)
     first = next(RECIPE.slots())
@@ -162,7 +162,7 @@ def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path, capsys, monk
     for name in (*orphans, *mine):
         (dataset.root / name).parent.mkdir(parents=True, exist_ok=True)
         (dataset.root / name).write_bytes(b"x")
-    code, out, _ = command(capsys, monkeypatch, "gc", dataset.root, "--dry-run", "--json")
+    code, out, _ = inside("gc", dataset.root, "--dry-run", "--json")
     assert code == 0 and {f["path"]: f["why"] for f in json.loads(out)["files"]} == orphans
     assert everything(dataset.root) == before | mine | set(orphans)
     assert {o.path for o in collect(dataset)} == set(orphans)
@@ -197,7 +197,7 @@ def test_a_dataset_that_is_being_built_is_left_alone(tmp_path):
         collect(dataset)
 
 
-def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path, capsys, monkeypatch):
+def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path):
     a, b, out = made(tmp_path / "a", {0}), made(tmp_path / "b", {1}), made(tmp_path / "out", {2})
     before = everything(out.root)
     with exclusive(out.root):
@@ -207,7 +207,7 @@ def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path, capsys, m
             ("merge", a.root, b.root, "--out", out.root),
             ("gc", out.root),
         ):
-            code, text, err = command(capsys, monkeypatch, *words)
+            code, text, err = inside(*words)
             assert (code, text) == (2, "") and err.count("\n") == 1 and f"{out.root}: another command is writing it" in err, words
     assert everything(out.root) == before
 
@@ -215,15 +215,15 @@ def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path, capsys, m
 # --- regenerate -------------------------------------------------------------------------------------------------------------
 
 
-def test_an_episode_is_made_again_to_the_same_bytes_and_a_change_is_found(built, tmp_path, capsys, monkeypatch):
+def test_an_episode_is_made_again_to_the_same_bytes_and_a_change_is_found(built, tmp_path):
     mine = shutil.copytree(built, tmp_path / "mine")
     name = "click_bell/aloha-agilex/L1/clean/episode_0000000"
-    code, out, err = command(capsys, monkeypatch, "regenerate", built, "--episode", name)
+    code, out, err = inside("regenerate", built, "--episode", name)
     assert (code, err) == (0, "") and "the same bytes" in out
     with h5py.File(mine / "episodes" / f"{name}.hdf5", "r+") as file:
         file["joint_action/vector"][0, 0] += 1e-3
     before = everything(mine)
-    code, out, _ = command(capsys, monkeypatch, "regenerate", mine, "--episode", f"episodes/{name}.hdf5", "--json")
+    code, out, _ = inside("regenerate", mine, "--episode", f"episodes/{name}.hdf5", "--json")
     assert (code, json.loads(out)["differ"], json.loads(out)["changed"]) == (1, ["joint_action/vector"], [])
     assert everything(mine) == before
 
