@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.columns import codes
+from pipeline.data.columns import codes, numbers, parents, single
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Entries, Files
 from pipeline.data.ledger import NO_RECORD
@@ -20,6 +20,9 @@ from pipeline.run.keys import RecipeKeys
 
 REDO = "episode missing or damaged"
 """Why a slot is made again whose keys match."""
+
+GONE = "failed attempt missing"
+"""The same of a slot whose failed attempts are kept."""
 
 DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "sentences"
 
@@ -85,8 +88,8 @@ def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counte
     by one. `keys` must have been read; `there` (N,) says whose episode is there."""
     cases, found = _cases(recipe, entries), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
-        numbers = np.bincount(cases.of[there == here], minlength=len(cases.states)).tolist()
-        for state, number in zip(cases.states, numbers, strict=True):
+        counts = np.bincount(cases.of[there == here], minlength=len(cases.states)).tolist()
+        for state, number in zip(cases.states, counts, strict=True):
             state = _state(state, here)
             if state.todo not in (DONE, OPEN):
                 found[state.todo, state.because] += number
@@ -122,7 +125,7 @@ def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]
 
 def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iterator[tuple[Slot, SlotState]]:
     """Slots of a recipe, in order, with their states after a look at every episode: one whose bytes are not the ledger's is made
-    again from nothing.
+    again from nothing, and so is one of which a failed attempt that is kept is missing.
 
     A file with the stamp of its entry (length and time of its last change) has not been written since; every other one is read, on
     as many threads as there are cores.
@@ -144,6 +147,21 @@ def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iter
         whole = threads.map(lambda pair: dataset.hashed(*pair), doubtful)
         for (slot, _), same in zip(doubtful, whole, strict=True):
             found[slot] = replace(found[slot], restamp=True) if same else SlotState(PHYSICS, (REDO,), True)
+    for slot in _lacking(dataset, entries) if recipe.keep_failures != "none" else ():
+        if found[slot].todo != OPEN:
+            found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     none = SlotState(OPEN)
     for slot in wanted:
         yield slot, found.get(slot, none)
+
+
+def _lacking(dataset: Dataset, entries: Entries) -> Iterator[Slot]:
+    """Slots of which a failed attempt that is kept is missing."""
+    column = single(entries.table["attempts"])
+    attempts, rows = column.flatten(), parents(column)
+    of, names = codes(attempts.field("kept"))
+    tried = numbers(attempts.field("attempt"))
+    for each in np.flatnonzero(np.array([bool(name) for name in (*names, "")])[of]).tolist():
+        slot = entries.slots[rows[each]]
+        if not dataset.failure(slot, int(tried[each])).exists():
+            yield slot
