@@ -5,9 +5,9 @@
 35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The stage sleeps, writes an empty file
 in place of an episode and returns an entry with real keys, one to three attempts and eleven assets. Every row of the table is a
 process of its own: seconds by the clock and of its processor, and its peak of memory. `overhead` is what the driver spends on a
-slot beyond the stage, by the clock and, stage included, of its processor: on a machine that others use, the clock counts their
-work. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them begins. The report has no
-films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers.
+slot beyond the stage, by the clock, which on a busy machine counts the work of others; `processor ms` is what a slot takes of the
+processor, stage included. `resume` grows the finished dataset by an episode a cell: the time is that until the first of them
+begins. The report has no films, because the files are no episodes. The last rows build `--ray` episodes a cell with Ray workers.
 """
 
 import argparse

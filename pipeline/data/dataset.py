@@ -25,6 +25,9 @@ from pipeline.data.recipe_file import read_recipe
 CHANGED = "bytes differ from the ledger's sha256; the build command of this dataset, run again, makes it anew"
 """What is said of an episode file that is not the one that was written."""
 
+REMAKE = "remove it, if it is there, and run the build again, which makes its slot anew"
+"""What helps where a failed attempt that is kept is not the file that was written."""
+
 
 class DatasetError(DominoError):
     """A dataset directory that cannot be used as asked: one line with the fix."""
@@ -102,11 +105,9 @@ class Dataset:
             try:
                 same = file_hash(path) == row["kept"]
             except OSError as error:
-                raise DatasetError(
-                    f"{path}: cannot be read ({error.strerror}); remove its slot's episode and build again"
-                ) from error
+                raise DatasetError(f"{path}: cannot be read ({error.strerror}); {REMAKE}") from error
             if not same:
-                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; remove its slot's episode and build again")
+                raise DatasetError(f"{path}: bytes differ from the ledger's sha256; {REMAKE}")
         return [path for path, _ in found]
 
     @property

@@ -17,6 +17,7 @@ from pipeline.data.ledger import ATTEMPTS, NO_RECORD, SlotRecord
 from pipeline.data.ledger_files import Ledger
 from pipeline.data.ledger_table import PLACE, SCHEMA, cell_of, record_of
 from pipeline.data.recipe import Recipe
+from pipeline.data.stamps import stamp_of
 
 _OWN = PLACE[:-1]
 _ROWS = 1024
@@ -188,10 +189,23 @@ class Files:
         rows = zip(listed.tolist(), entries.ranks.tolist(), _names(entries), strict=True)
         return np.array([found and (rank, name) not in gone for found, rank, name in rows], bool)
 
+    def stamps(self, entries: Entries) -> list[str]:
+        """The stamp of every row's episode, "" where nothing is there. Raises OSError."""
+        found = [self._listed(cell) for cell in entries.cells]
+        files = (found[rank].get(name) for rank, name in zip(entries.ranks.tolist(), _names(entries), strict=True))
+        return ["" if file is None else _stamp(file) for file in files]
+
     def there(self, slot: Slot) -> bool:
         """Whether a slot's episode is there; a link to nothing is not."""
         entry = self.entry(slot)
         return entry is not None and (not entry.is_symlink() or os.path.exists(entry.path))
+
+
+def _stamp(file: os.DirEntry[str]) -> str:
+    try:
+        return stamp_of(file.stat())
+    except FileNotFoundError:  # a link to nothing
+        return ""
 
 
 def _names(entries: Entries) -> Iterator[str]:

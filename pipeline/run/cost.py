@@ -7,7 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pipeline.data.columns import numbers, parents, single
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.planning.warm import warm_up
@@ -25,6 +27,9 @@ BYTES_PER_EPISODE = 3.5e6
 MEASURED = 3
 """Slots that a measurement makes, besides the first, which pays for what is loaded once."""
 
+
+JUDGED_BY = 2000
+"""Finished episodes of a dataset whose times and sizes stand for all."""
 
 LOOKED_AT = 20
 """Episode files of a dataset that are opened at most to see what their bytes are."""
@@ -60,18 +65,19 @@ class Cost:
 
 
 def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
-    """What the finished episodes of a dataset took; figures of the benchmarks where there is none."""
+    """What the finished episodes of a dataset took, by at most JUDGED_BY of them; figures of the benchmarks where there is none."""
     if dataset is None or not dataset.manifest.exists():
         return Cost(SECONDS_PER_EPISODE, BYTES_PER_EPISODE, "benchmarks")
     found = dataset.present(dataset.entries(recipe, ("attempts", "phases", "size")))
     accepted = found.kept(found.accepted)
+    accepted = accepted.kept(_spread(len(accepted.table), JUDGED_BY))
     table = accepted.table
     if not len(table):
         return Cost(SECONDS_PER_EPISODE, BYTES_PER_EPISODE, "benchmarks")
-    tried = table["attempts"].combine_chunks()
-    spent = np.bincount(tried.value_parent_indices(), tried.flatten().field("seconds").fill_null(0.0), len(table))
+    tried = single(table["attempts"])
+    spent = np.bincount(parents(tried), numbers(tried.flatten().field("seconds")), len(table))
     phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
-    few = [accepted.slots[int(i)] for i in np.unique(np.linspace(0, len(table) - 1, LOOKED_AT).round())]
+    few = accepted.kept(_spread(len(table), LOOKED_AT)).slots
     known = [size for size in table["size"].to_pylist() if size]
     return Cost(
         float(np.mean([float(each) or clock for each, (clock, _) in zip(spent, phases, strict=True)])),
@@ -80,6 +86,13 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
         _mean_core([core for _, core in phases]),
         sizes.mean_parts(dataset.episode(slot) for slot in few),
     )
+
+
+def _spread(count: int, most: int) -> NDArray[np.bool_]:
+    """Which of so many (N,) are looked at where they are more than `most`: some that lie evenly among them."""
+    chosen = np.zeros(count, bool)
+    chosen[np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int)] = True
+    return chosen
 
 
 def _mean_core(cores: Sequence[float]) -> float | None:

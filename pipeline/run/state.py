@@ -9,18 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.columns import codes
+from pipeline.data.columns import codes, numbers, parents, single
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Entries, Files
 from pipeline.data.ledger import NO_RECORD
 from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
-from pipeline.data.stamps import stamp_of
 from pipeline.registry import UnknownName
 from pipeline.run.keys import RecipeKeys
 
 REDO = "episode missing or damaged"
 """Why a slot is made again whose keys match."""
+
+GONE = "failed attempt missing"
+"""The same of a slot whose failed attempts are kept."""
 
 DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "sentences"
 
@@ -37,46 +39,60 @@ class SlotState:
     restamp: bool = False
 
 
+@dataclass(frozen=True)
+class _Cases:
+    """The entries of a recipe's slots, grouped: those of a cell and a variant with the same keys, accepted all or none, have
+    one state where their episodes are there (None where their keys cannot be read). `of` (N,) is the group of every row."""
+
+    states: list[SlotState | None]
+    of: NDArray[np.int64]
+
+
+def _cases(recipe: Recipe, entries: Entries) -> _Cases:
+    keys, accepted = RecipeKeys(recipe), np.array(entries.accepted, bool)
+    numbered, texts = codes(entries.table["keys"])
+    cases = entries.ranks * (recipe.variants + 1) + np.array(entries.numbers[1], np.int64)
+    cases = (cases * 2 + accepted) * (len(texts) + 1) + numbered
+    _, firsts, of = np.unique(cases, return_index=True, return_inverse=True)
+    states = list[SlotState | None]()
+    for first in firsts.tolist():
+        slot = Slot(entries.cells[entries.ranks[first]], entries.numbers[0][first], entries.numbers[1][first])
+        text = texts[numbered[first]] if numbered[first] >= 0 else ""
+        states.append(_against(keys, slot, bool(accepted[first]), text, recipe.keep_failures != "none"))
+    return _Cases(states, of)
+
+
+def _state(state: SlotState | None, there: bool) -> SlotState:
+    """The state of a slot of a group, by whether its episode is there."""
+    if state is None:
+        return SlotState(OPEN)
+    if state.accepted and state.todo != PHYSICS and not there:
+        return SlotState(OPEN, (REDO,), True)
+    return state
+
+
 def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
     """Every entry's slot with its state against the keys it would have now, episodes unread. `keys` must have been read.
 
     What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
-    only where the recipe keeps failed attempts. Entries of a cell mostly have the same keys, so few are compared.
+    only where the recipe keeps failed attempts.
     """
-    files, seen = Files(dataset.episodes), dict[tuple[object, ...], SlotState | None]()
-    keys = RecipeKeys(recipe)
-    texts = entries.table["keys"].to_pylist()
-    for slot, accepted, text in zip(entries.slots, entries.accepted, texts, strict=True):
-        case = (slot.cell, slot.variant, accepted, text)
-        if case not in seen:
-            seen[case] = _against(keys, slot, accepted, text, recipe.keep_failures != "none")
-        state = seen[case]
-        if state is None:
-            yield slot, SlotState(OPEN)
-        elif accepted and state.todo != PHYSICS and not files.there(slot):
-            yield slot, SlotState(OPEN, (REDO,), accepted)
-        else:
-            yield slot, state
+    files, cases = Files(dataset.episodes), _cases(recipe, entries)
+    there = files.there_of(entries, files.listed(entries))
+    for slot, case, here in zip(entries.slots, cases.of.tolist(), there.tolist(), strict=True):
+        yield slot, _state(cases.states[case], here)
 
 
 def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
     """How many slots, of those that `entries` holds, a build would make again, by what of them and why: as `entry_states` says one
     by one. `keys` must have been read; `there` (N,) says whose episode is there."""
-    keys, found = RecipeKeys(recipe), Counter[tuple[str, tuple[str, ...]]]()
-    accepted = np.array(entries.accepted, bool)
-    variants = np.array(entries.numbers[1], np.int64)
-    numbered, texts = codes(entries.table["keys"])
-    cases = ((entries.ranks * (recipe.variants + 1) + variants) * 2 + accepted) * (len(texts) + 1) + numbered
-    _, firsts, rows = np.unique(cases, return_index=True, return_inverse=True)
-    whole = np.bincount(rows, weights=there | ~accepted, minlength=len(firsts)).astype(int).tolist()
-    every = np.bincount(rows, minlength=len(firsts)).tolist()
-    for case, first in enumerate(firsts.tolist()):
-        slot = Slot(entries.cells[entries.ranks[first]], entries.numbers[0][first], entries.numbers[1][first])
-        text = texts[numbered[first]] if numbered[first] >= 0 else ""
-        state = _against(keys, slot, bool(accepted[first]), text, recipe.keep_failures != "none")
-        if state is not None and state.todo not in (DONE, OPEN):
-            number = every[case] if state.todo == PHYSICS else whole[case]
-            found[state.todo, state.because] += number
+    cases, found = _cases(recipe, entries), Counter[tuple[str, tuple[str, ...]]]()
+    for here in (True, False):
+        counts = np.bincount(cases.of[there == here], minlength=len(cases.states)).tolist()
+        for state, number in zip(cases.states, counts, strict=True):
+            state = _state(state, here)
+            if state.todo not in (DONE, OPEN):
+                found[state.todo, state.because] += number
     return +found
 
 
@@ -109,26 +125,43 @@ def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]
 
 def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iterator[tuple[Slot, SlotState]]:
     """Slots of a recipe, in order, with their states after a look at every episode: one whose bytes are not the ledger's is made
-    again from nothing.
+    again from nothing, and so is one of which a failed attempt that is kept is missing.
 
     A file with the stamp of its entry (length and time of its last change) has not been written since; every other one is read, on
     as many threads as there are cores.
     """
     entries, wanted = dataset.entries(recipe, ("keys", "stamp", "attempts")), list(slots)
-    found = dict(entry_states(dataset, recipe, entries))
-    files, doubtful = Files(dataset.episodes), list[tuple[Slot, str]]()
-    asked = set(wanted)
+    files, cases = Files(dataset.episodes), _cases(recipe, entries)
+    there = files.there_of(entries, files.listed(entries))
+    found, doubtful = dict[Slot, SlotState](), list[tuple[Slot, str]]()
     columns = (entries.table[name].to_pylist() for name in ("sha256", "stamp"))
-    for slot, sha256, stamp in zip(entries.slots, *columns, strict=True):
-        state = found[slot]
-        if slot in asked and state.accepted and state.todo not in (OPEN, PHYSICS):
-            entry = files.entry(slot)
-            if not stamp or entry is None or stamp_of(entry.stat()) != stamp:
-                doubtful.append((slot, sha256))
+    rows = zip(entries.slots, cases.of.tolist(), there.tolist(), files.stamps(entries), *columns, strict=True)
+    for slot, case, here, stamp, sha256, seen in rows:
+        state = found[slot] = _state(cases.states[case], here)
+        if state.accepted and state.todo not in (OPEN, PHYSICS) and (not seen or stamp != seen):
+            doubtful.append((slot, sha256))
+    if doubtful:
+        asked = set(wanted)
+        doubtful = [(slot, sha256) for slot, sha256 in doubtful if slot in asked]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
         whole = threads.map(lambda pair: dataset.hashed(*pair), doubtful)
         for (slot, _), same in zip(doubtful, whole, strict=True):
             found[slot] = replace(found[slot], restamp=True) if same else SlotState(PHYSICS, (REDO,), True)
+    for slot in _lacking(dataset, entries) if recipe.keep_failures != "none" else ():
+        if found[slot].todo != OPEN:
+            found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     none = SlotState(OPEN)
     for slot in wanted:
         yield slot, found.get(slot, none)
+
+
+def _lacking(dataset: Dataset, entries: Entries) -> Iterator[Slot]:
+    """Slots of which a failed attempt that is kept is missing."""
+    column = single(entries.table["attempts"])
+    attempts, rows = column.flatten(), parents(column)
+    of, names = codes(attempts.field("kept"))
+    tried = numbers(attempts.field("attempt"))
+    for each in np.flatnonzero(np.array([bool(name) for name in (*names, "")])[of]).tolist():
+        slot = entries.slots[rows[each]]
+        if not dataset.failure(slot, int(tried[each])).exists():
+            yield slot

@@ -149,3 +149,20 @@ def test_a_file_of_a_version_with_other_columns_of_attempts_is_read():
 
     older = pa.Table.from_pylist(rows)
     assert decoded(encoded(older)).to_pylist() == table.to_pylist()
+
+
+def test_some_columns_are_those_of_all(tmp_path):
+    """From files, from the journal, and from both."""
+    ledger, names = Ledger(tmp_path), ("keys", "attempts.outcome", "attempts.seed", "attempts.reason")
+    ledger.add([(slot, record(n)) for n, slot in enumerate(SLOTS)][:7])
+    ledger.compact()
+    for _ in range(2):
+        whole, some = Entries(ledger, RECIPE), Entries(ledger, RECIPE, names)
+        assert [RECIPE.cells()[rank] for rank in some.ranks] == [slot.cell for slot in whole.slots]
+        assert some.slots == whole.slots and some.accepted == whole.accepted and some.slots
+        assert some.table["keys"].to_pylist() == whole.table["keys"].to_pylist()
+        wanted = [
+            [{k: row[k] for k in ("seed", "outcome", "reason")} for row in rows] for rows in whole.table["attempts"].to_pylist()
+        ]
+        assert some.table["attempts"].to_pylist() == wanted
+        ledger.add([(slot, record(n)) for n, slot in enumerate(SLOTS)][5:])

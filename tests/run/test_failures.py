@@ -14,7 +14,7 @@ from pipeline.motion.target_motion import TargetMotion
 from pipeline.run.keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import SlotJob, fill_slot
-from pipeline.run.state import DONE, IMAGES, SlotState, states
+from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, read_states, states
 from pipeline.run.verify.exports import check_export
 from pipeline.run.verify.layout import check_failures, check_strays
 from pipeline.tasks import TASKS
@@ -142,3 +142,23 @@ def test_dry_runs_are_kept_only_where_all_are(tmp_path, monkeypatch):
     assert episode.meta.failure is not None and episode.meta.failure.stage == "dry_run"
     # a dry run is not passed off as a moving target
     assert episode.meta.maximum_speed == 0.0 and np.ptp(episode.log.pose("bell")[:20, :3], axis=0).max() < 1e-4
+
+
+def test_what_is_said_of_a_damaged_one_helps(failed, tmp_path):
+    """A slot that was given up has no episode that could be removed."""
+    dataset, recipe, _ = failed
+    copy, slot = Dataset(tmp_path / "copy"), next(recipe.slots())
+    shutil.copytree(dataset.root, copy.root)
+    ((path, row),) = copy.kept_failures(recipe)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1])
+    with pytest.raises(DatasetError, match="remove it, if it is there, and run the build again"):
+        copy.intact_failures(recipe)
+    assert [state.todo for _, state in read_states(copy, recipe, [slot])] == [DONE]
+    path.unlink()
+    assert list(read_states(copy, recipe, [slot])) == [(slot, SlotState(PHYSICS, (GONE,), False))]
+    with pytest.raises(DatasetError, match="remove it, if it is there, and run the build again"):
+        copy.intact_failures(recipe)
+    again = fill_slot(SlotJob(str(copy.root), recipe, slot, code_version()))
+    assert path.read_bytes() == whole and again.attempts[0]["kept"] == row["kept"]
+    assert copy.intact_failures(recipe) == [path]

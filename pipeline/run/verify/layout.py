@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import REMAKE, Dataset
 from pipeline.data.episode import EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
@@ -94,7 +94,7 @@ def check_failures(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
             with EpisodeFile(path) as file:
                 spec, why = file.read().spec, file.meta.failure
         except FAULTS as error:
-            yield Finding("failures", f"{name}: {line(error).removeprefix(f'{path}: ')}; delete its ledger entry and {AGAIN}")
+            yield Finding("failures", f"{name}: {line(error).removeprefix(f'{path}: ')}; {REMAKE}")
             continue
         said = None if why is None else (spec.seed, why.attempt, why.stage, why.reason, list(why.conditions))
         wanted = (row["seed"], row["attempt"], row["stage"], row["reason"], row["conditions"])

@@ -1,0 +1,130 @@
+"""Status counts by columns what a loop over the slots counts one by one."""
+
+import random
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.keys import Key
+from pipeline.data.ledger import SlotRecord
+from pipeline.run.keys import slot_keys
+from pipeline.run.names import recipe_from
+from pipeline.run.reasons import reasons, reasons_in
+from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, entry_states, read_states, states
+from pipeline.run.status import status
+
+RECIPE = recipe_from(
+    {
+        "tasks": ["click_bell", "grab_roller"],
+        "embodiments": ["aloha", "piper"],
+        "levels": [1, 3],
+        "alpha": [0.1, 0.2],
+        "episodes": 5,
+        "visuals": "randomized",
+        "variants": 2,
+    }
+)
+SHA256 = "ab" * 32
+FAILURES = [
+    ("dry_run", "no_motion", "workspace 7, blocked 3, tail 2"),
+    ("replay", "no_success", ""),
+    ("replay", "missed", ""),
+]
+
+
+def attempts(slot, accepted, rng):
+    rows = []
+    for number in range(rng.randint(1, 4)):
+        failed = rng.choice(FAILURES)
+        row = vars(slot.cell) | {"slot": slot.index, "attempt": number, "seed": number, "outcome": "failed"}
+        row |= dict(zip(("stage", "reason", "detail"), failed, strict=True))
+        row["conditions"] = rng.sample(["held", "lifted", "placed"], rng.randint(0, 2)) if failed[1] == "no_success" else []
+        rows.append(row)
+    if accepted:
+        rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "conditions": []}
+    return tuple(rows)
+
+
+def other(keys, kind):
+    changed = getattr(keys, kind)
+    return replace(keys, **{kind: Key({**changed.parts, "recipe": "another"})})
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Slots of every state: open, given up, accepted, out of date in each way, with a file that is missing or a link to nothing."""
+    dataset, rng = Dataset(tmp_path_factory.mktemp("status") / "data"), random.Random(0)
+    dataset.create(RECIPE)
+    entries = []
+    for slot in RECIPE.slots():
+        case = rng.choice(["open", "given up", "done", "done", "done", "missing", "link", PHYSICS, "render", "language"])
+        if case == "open":
+            continue
+        keys, accepted = slot_keys(RECIPE, slot), case != "given up"
+        keys = other(keys, case) if case in (PHYSICS, "render", "language") else keys
+        rows = () if slot.variant and accepted else attempts(slot, accepted, rng)
+        entries.append((slot, SlotRecord(keys, accepted, SHA256 if accepted else "", rows, {})))
+        path = dataset.episode(slot)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if case == "link":
+            path.symlink_to(path.with_name("nothing"))
+        elif accepted and case != "missing":
+            path.write_bytes(b"")
+    dataset.ledger.add(entries[::2])
+    dataset.ledger.compact()
+    dataset.ledger.add(entries[1::2])
+    return dataset
+
+
+def test_status_is_the_sum_over_the_slots(dataset):
+    found = status(dataset)
+    records = dict(dataset.records(RECIPE))
+    for cell in RECIPE.cells():
+        mine = {slot: record for slot, record in records.items() if slot.cell == cell}
+        assert found["cells"][cell.path] == {
+            "wanted": 10,
+            "accepted": sum(record.accepted for record in mine.values()),
+            "given_up": sum(not record.accepted for record in mine.values()),
+            "attempts": sum(len(record.attempts) for record in mine.values()),
+        }
+    assert found["wanted"] == 160 and found["open"] == 160 - len(records)
+    rows = [row for record in records.values() for row in record.attempts]
+    assert found["reasons"] == dict(Counter(row["reason"] for row in rows if row["reason"]))
+    assert found["failures"] == [vars(reason) for reason in reasons(rows)]
+    solved = sum(record.accepted for slot, record in records.items() if not slot.variant)
+    assert found["attempt_success"] == solved / len(rows)
+    redo = Counter()
+    for slot, state in states(dataset, RECIPE):
+        if slot in records and state.todo not in (DONE, OPEN):
+            redo[state.todo, state.because] += 1
+    assert {(r["what"], tuple(r["because"])): r["slots"] for r in found["redo"]} == redo
+    assert {what for what, _ in redo} == {PHYSICS, IMAGES, SENTENCES}
+
+
+def test_states_of_single_slots(dataset):
+    entries = dataset.entries(RECIPE, ("keys",))
+    found, keys = dict(entry_states(dataset, RECIPE, entries)), dict(dataset.ledger.entries())
+    for slot, state in found.items():
+        held, wanted, path = keys[slot].keys, slot_keys(RECIPE, slot), dataset.episode(slot)
+        changed = [name for name in ("physics", "render", "language") if getattr(held, name) != getattr(wanted, name)]
+        if "physics" in changed:
+            expected = PHYSICS
+        elif keys[slot].accepted and not path.exists():
+            expected = OPEN
+            assert state.because == (REDO,)
+        else:
+            expected = IMAGES if "render" in changed else SENTENCES if "language" in changed else DONE
+        assert state.todo == expected, slot
+    # all of these files are empty, and no entry has their stamps: each is read, and is not what the ledger says
+    read = dict(read_states(dataset, RECIPE, RECIPE.slots()))
+    for slot, state in found.items():
+        there = state.accepted and state.todo not in (OPEN, PHYSICS)
+        assert read[slot].todo == (PHYSICS if there else state.todo)
+    assert len(read) == 160
+
+
+def test_reasons_of_a_column_are_those_of_the_rows(dataset):
+    table = dataset.entries(RECIPE, ("attempts",)).attempts()
+    assert reasons_in(table.to_struct_array().combine_chunks()) == reasons(table.to_pylist())
