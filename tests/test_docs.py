@@ -2,12 +2,14 @@
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import click
 import h5py
 import pytest
 import typer
+import yaml
 
 from pipeline.cli import app
 from tests.synthetic import make_episode
@@ -32,7 +34,9 @@ SHOWN = [(page.name, line) for page in PAGES for line in command_lines(page)]
 def test_every_command_shown_parses(page, line):
     words = shlex.split(line, comments=True)
     name = Path(words[0]).name
-    if name == "source":
+    if name == "ray":
+        assert words[1] in ("start", "stop")
+    elif name == "source":
         assert words[1:] == [".venv/bin/activate"]
     elif name == "make":
         assert {w for w in words[1:] if "=" not in w} <= TARGETS, f"{page}: {line}"
@@ -45,6 +49,45 @@ def test_every_command_shown_parses(page, line):
             command = command.commands[verb]
         with command.make_context(verb, rest) as context:
             assert context.params
+
+
+def block(page: str, language: str) -> str:
+    """The only block of a language on a page of docs/."""
+    (found,) = re.findall(rf"^```{language}\n(.*?)^```", (ROOT / "docs" / page).read_text(), re.MULTILINE | re.DOTALL)
+    return found
+
+
+def parsed(line: str) -> dict[str, object]:
+    """The options of a `domino-data` command line."""
+    assert isinstance(CLI, click.Group | typer.core.TyperGroup)
+    verb, *rest = shlex.split(line)[1:]
+    with CLI.commands[verb].make_context(verb, rest) as context:
+        return context.params
+
+
+def test_the_slurm_script_is_one_and_its_command_parses():
+    script = block("cluster.md", "slurm")
+    assert script.startswith("#!/bin/bash\n#SBATCH ")
+    subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+    line = script.replace("\\\n", " ")
+    line = line[line.index("domino-data build") :].replace("$((SLURM_JOB_NUM_NODES * SLURM_CPUS_PER_TASK))", "128")
+    values = parsed(line)
+    assert values["workers"] == 128 and values["address"] and (ROOT / str(values["manifest"])).exists()
+
+
+def test_the_kuberay_job_is_one_and_its_command_parses():
+    job = yaml.safe_load(block("cluster.md", "yaml"))
+    assert (job["apiVersion"], job["kind"]) == ("ray.io/v1", "RayJob")
+    values = parsed(job["spec"]["entrypoint"])
+    assert values["address"] == "$RAY_ADDRESS" and (ROOT / str(values["manifest"])).exists()
+    cluster = job["spec"]["rayClusterSpec"]
+    groups = [cluster["headGroupSpec"], *cluster["workerGroupSpecs"]]
+    cores = sum(group.get("replicas", 1) * int(group["rayStartParams"]["num-cpus"]) for group in groups)
+    assert values["workers"] == cores
+    for group in groups:
+        (container,) = group["template"]["spec"]["containers"]
+        assert container["image"] and {"name": "data", "mountPath": "/data"} in container["volumeMounts"]
+        assert str(values["out"]).startswith("/data/")
 
 
 def test_the_quickstart_shows_the_main_verbs():

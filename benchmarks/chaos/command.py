@@ -6,6 +6,9 @@ ledger, engine and command are the real ones.
 """
 
 import os
+import random
+import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pipeline.run.build as building
-from benchmarks.chaos.traps import Control, install
+from benchmarks.chaos.traps import CONTROL, Control, die, install
 from pipeline import cli
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
@@ -28,6 +31,7 @@ from pipeline.data.state_log import StateLog
 from pipeline.motion.target_motion import TargetMotion
 from pipeline.run import slot as filling
 from pipeline.run.make import Images, stored_images
+from pipeline.run.pool import Pool
 from pipeline.run.slot import SlotJob, slot_worker
 from pipeline.stages.attempt import Phases
 from pipeline.stages.failure import Failure
@@ -36,7 +40,7 @@ STORED = "CHAOS_STORED"
 PHASES = {"attempt": "planning", "draw": "drawing", "write": "writing"}
 """What a worker does in functions of pipeline.run.slot."""
 
-LONGEST, FAILING = 0.2, 0.25
+LONGEST, FAILING = 0.1, 0.25
 """Seconds that a stored attempt takes at most, and the share of attempts that fail."""
 
 
@@ -110,6 +114,8 @@ def trapped_worker() -> Callable[[SlotJob], SlotRecord]:
     def noted(function: Callable[..., Any], phase: str) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
             control.note(current, phase)
+            if control.springs("worker", phase):
+                threading.Timer(LONGEST * random.random() / 2, die).start()
             return function(*arguments, **named)
 
         return call
@@ -129,13 +135,29 @@ def trapped_worker() -> Callable[[SlotJob], SlotRecord]:
     return work
 
 
-def main() -> None:
-    """Run the command."""
+def prepare() -> None:
+    """Have the builds of this process use trapped workers."""
     install(Control.here())
     building.slot_worker = trapped_worker
     if STORED in os.environ:
         # the assets of a scene that is built anew would not be those of the stored episode: its slots are made again instead
         building.from_scenes = lambda _dataset, _recipe: lambda _slot, _missing: None
+
+
+def build_here(root: Path, recipe: Recipe, control: Path, stored: Path) -> None:
+    """Build in this process, without Ray and the report, with a stored episode; exit code 2 where the disk refuses."""
+    os.environ |= {CONTROL: str(control), STORED: str(stored)}
+    prepare()
+    building.refresh = lambda *_: None
+    try:
+        building.build(root, recipe, Pool(), shown="none")
+    except OSError:
+        sys.exit(2)
+
+
+def main() -> None:
+    """Run the command."""
+    prepare()
     cli.main()
 
 

@@ -1,6 +1,7 @@
 """Runs of a build command that are disturbed, and what is left of each when it has ended."""
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -14,8 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
-from benchmarks.chaos.command import STORED
+from benchmarks.chaos.command import STORED, build_here
 from benchmarks.chaos.traps import CONTROL, Control
+from pipeline.data.recipe import Recipe
 
 MARK = "CHAOS_MARK"
 PATIENCE = 60.0
@@ -35,9 +37,9 @@ STOPS = {"interrupt": (signal.SIGINT, 130), "terminate": (signal.SIGTERM, 130), 
 class Life:
     """One run of the command: after how many ended slots what happens, the last of which ends it; "" lets it end by itself.
 
-    `worker PHASE` kills a worker in that phase, `worker starting` one that starts, `worker hangs` stops one for the watchdog;
-    `trap KIND MOMENT` sets a trap; `driver`, `raylet`, `gcs_server` are killed; `interrupt` and `terminate` stop the driver, which
-    then falls into the trap that is named behind, if any; `full disk` leaves no space.
+    `worker starting` kills a worker that starts, `trap KIND MOMENT` sets a trap; `driver`, `raylet`, `gcs_server` are killed;
+    `interrupt` and `terminate` stop the driver, which then falls into the trap that is named behind, if any; `full disk` leaves
+    no space.
     """
 
     events: Sequence[tuple[int, str]]
@@ -195,9 +197,8 @@ def live(site: Site, life: Life, outcome: Outcome, mark: str) -> int:
     outcome.codes[code] += 1
     if site.disk is not None:
         site.disk.resize(full=False)
-    outcome.missed.update(f"trap {path.name}" for path in driver.control.traps.iterdir())
-    for name in driver.control.sprung[before:]:
-        outcome.done[f"killed at {name}"] += 1
+    outcome.missed.update(f"trap {path.name.rpartition('-')[0]}" for path in driver.control.traps.iterdir())
+    outcome.done.update(f"killed at {name}" for name in driver.control.sprung[before:])
     said = driver.said()
     if code not in expected or (code in (0, -9) and said) or (code in (2, 130) and len(said) != 1):
         outcome.wrong.append(f"{life.events}: exit code {code}, {' | '.join(said)[-400:]}")
@@ -216,10 +217,6 @@ def _disturb(driver: Driver, site: Site, event: str) -> bool:
     match event.split():
         case ["worker", "starting"]:
             return _until(lambda: _kill_named(driver, "ray::_Process.begin"), PATIENCE)
-        case ["worker", "hangs"]:
-            return _until(lambda: _kill_worker(driver, "", signal.SIGSTOP), PATIENCE)
-        case ["worker", phase]:
-            return _until(lambda: _kill_worker(driver, phase, signal.SIGKILL), PATIENCE)
         case ["trap", kind, moment]:
             driver.control.set(kind, moment)
             return True
@@ -230,7 +227,7 @@ def _disturb(driver: Driver, site: Site, event: str) -> bool:
             return True
         case [name, *trap] if name in STOPS:
             if trap:
-                driver.control.set(*trap)
+                driver.control.set(trap[0], trap[1])
             driver.process.send_signal(STOPS[name][0])
             return True
         case [daemon]:
@@ -249,27 +246,6 @@ def _kill_named(driver: Driver, name: str) -> bool:
     return False
 
 
-def _kill_worker(driver: Driver, phase: str, number: signal.Signals) -> bool:
-    """Kill a worker that is in a phase ("": any) of a slot at which none was killed in this run."""
-    for note in driver.control.at.iterdir():
-        if not note.name.isdigit() or note.suffix or not (at := driver.control.noted(int(note.name))) or phase not in at[1]:
-            continue
-        pid = int(note.name)
-        try:
-            os.kill(pid, signal.SIGSTOP)
-        except ProcessLookupError:
-            note.unlink(missing_ok=True)
-            continue
-        # stopped now: what it says is true until it goes on
-        at = driver.control.noted(pid)
-        if at is not None and phase in at[1] and driver.control.strike(at[0]):
-            os.kill(pid, number)
-            note.unlink(missing_ok=True)
-            return True
-        os.kill(pid, signal.SIGCONT)
-    return False
-
-
 def _until(found: Callable[[], object], seconds: float) -> bool:
     """Wait until that is so; false where it takes longer."""
     deadline = time.monotonic() + seconds
@@ -278,6 +254,25 @@ def _until(found: Callable[[], object], seconds: float) -> bool:
             return False
         time.sleep(0.005)
     return True
+
+
+class Fresh:
+    """Builds in processes that have imported everything and started nothing: they begin in a moment."""
+
+    def __init__(self, recipe: Recipe, control: Control, stored: Path) -> None:
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(["benchmarks.chaos.command"])
+        self._recipe, self.control, self._stored = recipe, control, stored
+
+    def live(self, root: Path, kind: str = "", moment: str = "", passes: int = 0) -> int | None:
+        """Build with one trap set, or none; the exit code."""
+        self.control.clear()
+        if kind:
+            self.control.set(kind, moment, passes)
+        process = self._context.Process(target=build_here, args=(root, self._recipe, self.control.root, self._stored))
+        process.start()
+        process.join(MOST_SECONDS)
+        return process.exitcode
 
 
 def damage(root: Path, chance: Random) -> str:

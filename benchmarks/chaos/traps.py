@@ -1,8 +1,9 @@
-"""Traps in the writing of files: places at which the process that writes kills itself, or is told that the disk is full.
+"""Traps: places at which a process of a build kills itself, or is told that the disk is full.
 
-A trap is an empty file <kind>-<moment> in the control directory; the first process that comes by removes it and springs it. Every
-file of a dataset is flushed (os.fsync) under a temporary name and then renamed (os.replace), so the moments are `half` (half of the
-temporary file is there), `whole` (all of it, before the rename), `renamed` (just after it), and `full` (the flush fails).
+A trap is a file <kind>-<moment>-<number> in the control directory, with a count of how often it is passed before it springs.
+Every file of a dataset is flushed (os.fsync) under a temporary name and then renamed (os.replace), so the moments of its writing
+are `half` (half of the temporary file is there), `whole` (all of it, before the rename), `renamed` (just after it), and `full` (the
+flush fails). Of the kind `worker`, the moments are the phases of a slot.
 """
 
 import errno
@@ -18,8 +19,8 @@ KINDS = {
     "/assets/": "asset",
     "/ledger/journal/": "journal",
     "/ledger/": "ledger",
-    "/attempts.parquet": "attempts",
-    "/provenance.json": "provenance",
+    "attempts.parquet": "attempts",
+    "provenance.json": "provenance",
     "/report/": "report",
 }
 """Kinds of files by what their path has in it, in this order."""
@@ -71,9 +72,29 @@ class Control:
             for path in folder.iterdir():
                 path.unlink()
 
-    def set(self, kind: str, moment: str) -> None:
-        """Set a trap."""
-        (self.traps / f"{kind}-{moment}").touch()
+    def set(self, kind: str, moment: str, passes: int = 0) -> None:
+        """Set a trap that lets so many pass."""
+        name = f"{kind}-{moment}"
+        (self.traps / f"{name}-{len(list(self.traps.glob(f'{name}-*')))}").write_text(str(passes))
+
+    def springs(self, kind: str, moment: str) -> bool:
+        """Whether this process is in a trap now. Workers are not killed at a slot that has lost one."""
+        trap = min(self.traps.glob(f"{kind}-{moment}-*"), default=None)
+        if trap is None or threading.current_thread() is not threading.main_thread():
+            return False
+        with suppress(FileNotFoundError, ValueError):
+            left = int(trap.read_text())
+            if left:
+                trap.write_text(str(left - 1))
+                return False
+            at = self.noted(os.getpid())
+            if moment != "full" and at is not None and not self.strike(at[0]):
+                return False
+            trap.unlink()
+            with open(self.root / "sprung", "a", encoding="utf-8") as file:
+                file.write(f"{kind}-{moment}\n")
+            return True
+        return False
 
     def strike(self, slot: str) -> bool:
         """Note that the worker at a slot is to be killed; false where one was already."""
@@ -111,45 +132,30 @@ def install(control: Control) -> None:
 
     def fsync(file: int) -> None:
         path = Path(os.readlink(f"/proc/self/fd/{file}"))
-        if _springs(control, path, "full"):
+        if control.springs(kind_of(path), "full"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-        if _springs(control, path, "half"):
+        if control.springs(kind_of(path), "half"):
             os.truncate(path, path.stat().st_size // 2)
-            _die()
+            die()
         flush(file)
 
     def renaming(source: str | Path, target: str | Path) -> None:
-        if _springs(control, Path(target), "whole"):
-            _die()
+        if control.springs(kind_of(Path(target)), "whole"):
+            die()
         replace(source, target)
-        if _springs(control, Path(target), "renamed"):
-            _die()
+        if control.springs(kind_of(Path(target)), "renamed"):
+            die()
 
     renaming.trapped = True  # type: ignore[attr-defined]
     os.fsync, os.replace = fsync, renaming  # type: ignore[assignment]
 
 
 def kind_of(path: Path) -> str:
-    """The kind of a dataset's file, "" for others."""
+    """The kind of a dataset's file."""
     text = str(path)
-    return next((kind for part, kind in KINDS.items() if part in text), "")
+    return next((kind for part, kind in KINDS.items() if part in text), "other")
 
 
-def _springs(control: Control, path: Path, moment: str) -> bool:
-    kind = kind_of(path)
-    trap = control.traps / f"{kind}-{moment}"
-    if not kind or not trap.exists() or threading.current_thread() is not threading.main_thread():
-        return False
-    at = control.noted(os.getpid())
-    if moment != "full" and at is not None and not control.strike(at[0]):
-        return False
-    with suppress(FileNotFoundError):
-        trap.unlink()
-        with open(control.root / "sprung", "a", encoding="utf-8") as file:
-            file.write(f"{trap.name}\n")
-        return True
-    return False
-
-
-def _die() -> None:
+def die() -> None:
+    """End this process as the kernel does that has no memory left."""
     os.kill(os.getpid(), signal.SIGKILL)

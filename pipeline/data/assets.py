@@ -42,10 +42,7 @@ class AssetStore:
         key = _hash(arrays, attributes)
         path = self.path(key)
         if not path.exists():
-            data = io.BytesIO()
-            text = np.frombuffer(canonical(attributes), np.uint8)
-            np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **{name: arrays[name] for name in sorted(arrays)})
-            write_atomic(path, data.getvalue())
+            write_atomic(path, _encoded(arrays, attributes))
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
@@ -72,6 +69,13 @@ class AssetStore:
             raise AssetError(f"{path}: its content is not that of its name; {_FIX}")
         return arrays, attributes
 
+    def renew(self, key: str) -> None:
+        """Write an asset anew whose content is whole and whose file is not the one that `put` writes: a ZIP file has bits that nobody
+        reads. Raises AssetError where the content is not whole, OSError."""
+        data = _encoded(*self.get(key))
+        if self.path(key).read_bytes() != data:
+            write_atomic(self.path(key), data)
+
     def sweep(self) -> None:
         """Remove every asset of the store that is damaged, so that what was in it can be put there again. Raises OSError."""
         for path in sorted(self.root.glob("[0-9a-f][0-9a-f]/*.npz")):
@@ -80,6 +84,13 @@ class AssetStore:
                     self.get(path.stem)
                 except AssetError:
                     remove(path)
+
+
+def _encoded(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:
+    data = io.BytesIO()
+    text = np.frombuffer(canonical(attributes), np.uint8)
+    np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **{name: arrays[name] for name in sorted(arrays)})
+    return data.getvalue()
 
 
 def _hash(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:

@@ -76,7 +76,7 @@ def _whole(store: AssetStore, seen: Collection[tuple[str, str]]) -> set[str]:
                     continue
                 if (key, stamp_of(each.stat())) not in seen:
                     try:
-                        store.get(key)
+                        store.renew(key)
                     except AssetError:
                         remove(Path(each.path))
                         continue

@@ -21,8 +21,11 @@ def parts_of(path: Path) -> dict[str, int]:
         if part and isinstance(item, h5py.Dataset):
             found[part] += item.id.get_storage_size()
 
-    with h5py.File(path) as file:
-        file.visititems(add)
+    try:
+        with h5py.File(path) as file:
+            file.visititems(add)
+    except (RuntimeError, KeyError, ValueError) as error:  # what h5py makes of damaged metadata
+        raise OSError(f"{path}: {error}") from error
     return dict(found) | {STATES: path.stat().st_size - found.total()}
 
 
