@@ -45,7 +45,7 @@ _YEARS = 9 * 10**17  # ns: until 1998
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
-_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/[^/]+$")
+_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _LONGEST = 240  # bytes; names of files have at most 255
