@@ -228,6 +228,13 @@ def withdrawn(*paths: Path) -> None:
         mirror.delete(paths)
 
 
+def freed(path: Path) -> None:
+    """Free the space of a file that its store has, too; any other file stays."""
+    mirror = mirror_of(path)
+    if mirror is not None and os.path.lexists(path):
+        mirror.drop(path)
+
+
 @contextmanager
 def replaced(folder: Path) -> Iterator[None]:
     """Within, a directory is replaced by another. Where it is in a mirror, its objects are replaced at the end; nothing happens to

@@ -3,8 +3,12 @@
 import logging
 import shutil
 import signal
+import time
 
-from pipeline.data.mirror import Mirror, is_listed, mirrored
+from pipeline.data.dataset import Dataset
+from pipeline.data.mirror import CACHE, Mirror, is_listed, mirrored
+from pipeline.run import running
+from pipeline.run.names import recipe_from
 from tests.object_server import object_server
 from tests.run.command import WANTED, contents, start
 from tests.run.processes import wait_for
@@ -57,3 +61,25 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
         assert (code, err.count("\n")) == (2, 1) and "there is no such bucket" in err
         code, _, err = command(capsys, monkeypatch, "evaluate", "--out", URL, "--policy", "scripted")
         assert (code, err) == (2, f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n")
+
+
+def test_the_driver_sees_at_which_attempt_a_worker_on_another_machine_is(tmp_path, monkeypatch):
+    recipe = recipe_from({"tasks": ["click_bell"], "levels": [1], "episodes": 1}, "test")
+    (slot,) = recipe.slots()
+    monkeypatch.setenv(CACHE, str(tmp_path / "driver"))
+    with mirrored(f"memory://{tmp_path.name}/set") as root:
+        driver = Dataset(root)
+        driver.create(recipe)
+        worker = Dataset(tmp_path / "worker" / "mirrors" / root.name)
+        assert running.noted(driver, slot) is None
+        running.note(worker, slot, 3)
+        assert running.noted(driver, slot) == running.noted(worker, slot)
+        attempt, began = running.noted(driver, slot)
+        assert attempt == 3 and abs(time.time() - began) < 100
+        running.note(worker, slot, 4)
+        assert running.noted(driver, slot)[0] == 4
+        # the worker is killed
+        running.clear(driver, slot)
+        assert running.noted(driver, slot) is None
+        running.note(driver, slot, 5)
+        assert running.noted(driver, slot)[0] == 5 and list(Mirror(root).store.list()) == [".writing.json", "manifest.yaml"]
