@@ -45,7 +45,7 @@ _YEARS = 9 * 10**17  # ns: until 1998
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
-_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/[^/]+$")
+_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _LONGEST = 240  # bytes; names of files have at most 255
@@ -226,6 +226,13 @@ def withdrawn(*paths: Path) -> None:
     mirror = mirror_of(paths[0]) if paths else None
     if mirror is not None:
         mirror.delete(paths)
+
+
+def freed(path: Path) -> None:
+    """Free the space of a file that its store has, too; any other file stays."""
+    mirror = mirror_of(path)
+    if mirror is not None and os.path.lexists(path):
+        mirror.drop(path)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import errno
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,7 @@ class Store:
         import fsspec  # half a second, with that of the store's own library
 
         try:
-            fs, path = fsspec.url_to_fs(self.url, use_listings_cache=False)
+            fs, path = fsspec.url_to_fs(self.url, use_listings_cache=False, skip_instance_cache=True)
         except (ImportError, ValueError) as error:
             extra = EXTRAS.get(self.url.partition(":")[0])
             fix = f"pip install 'domino-data[{extra}]'" if extra else "install the package that fsspec names"
@@ -174,7 +175,9 @@ def _delete(fs: Any, paths: list[str]) -> None:
 def _listed(info: Mapping[str, Any]) -> Listed:
     """What a listing says, from what fsspec says of an object."""
     said = next((info[key] for key in _IDENTITIES if info.get(key) is not None), "")
-    return Listed(int(info["size"] or 0), str(said).strip('"'))
+    # one file system says the same time once as a number and once as a date
+    text = str(said.timestamp() if isinstance(said, datetime) else said)
+    return Listed(int(info["size"] or 0), text.strip('"'))
 
 
 def _chain(error: BaseException | None) -> Iterator[BaseException]:

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Files
+from pipeline.data.mirror import freed
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
 from pipeline.run.pool import Died, Done, Limit, Pool
@@ -165,6 +166,8 @@ def judge_one(job: Job) -> Judged:
     if record is None or not record.accepted:
         return Judged(job.slot, findings)
     judged = judge_episode(dataset, job.recipe, job.slot, record)
+    if not any((dataset.root / name).is_dir() for name in ("annotations", "exports")):  # they are compared with the episodes
+        freed(dataset.episode(job.slot))
     return Judged(job.slot, findings + judged.findings, judged.sound, judged.meeting, judged.assets)
 
 

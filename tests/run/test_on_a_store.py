@@ -1,0 +1,85 @@
+"""A build straight to an object server: killed, gone on with from another machine, verified from there, with the same bytes."""
+
+import logging
+import shutil
+import signal
+import time
+
+from pipeline.data.dataset import Dataset
+from pipeline.data.mirror import CACHE, Mirror, is_listed, mirrored
+from pipeline.run import running
+from pipeline.run.names import recipe_from
+from tests.object_server import object_server
+from tests.run.command import WANTED, contents, start
+from tests.run.processes import wait_for
+from tests.run.test_build import command
+
+URL = "s3://bucket/sets/bells"
+
+
+def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built, tmp_path, capsys, monkeypatch):
+    logging.getLogger("werkzeug").disabled = True
+    with object_server() as server:
+        environment = server.environment(tmp_path / "cache")
+        process = start("build", *WANTED, "--out", URL, "--quiet", "--executor", "inline", extra=environment)
+        wait_for(lambda: server.names("sets/bells/ledger/journal/") or process.poll() is not None, 200)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        assert process.returncode == -signal.SIGKILL
+        finished = server.names("sets/bells/episodes/")
+        assert finished
+
+        for name, value in server.environment(tmp_path / "elsewhere").items():
+            monkeypatch.setenv(name, value)
+        fetched = []
+        get = Mirror._fetch
+        monkeypatch.setattr(Mirror, "_fetch", lambda self, path: (fetched.append(path.name), get(self, path)))
+        code, out, err = command(capsys, monkeypatch, "status", URL)
+        assert code == 0 and "of 3 accepted" in out, err
+        code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", URL, "--quiet", "--executor", "inline")
+        assert code == 0 and f"3 of 3 episodes in {URL}" in out and f"images: {URL}/report/index.html" in out, err
+        assert f"({3 - len(finished)} slots worked on now" in out
+        # nothing was read of what was there but what the report shows
+        assert all(not name.endswith(".npz") for name in fetched)
+        shutil.rmtree(tmp_path / "elsewhere")
+        code, out, err = command(capsys, monkeypatch, "verify", URL, "--quiet")
+        assert code == 0 and "FAIL" not in out, out + err
+
+        with mirrored(URL, writes=False) as root:
+            mirror = Mirror(root)
+            assert sorted(f"sets/bells/{mirror.name(p)}" for p in root.rglob("*") if p.is_file()) == server.names("sets/bells/")
+            mirror.fetch_below(root)
+            assert not any(is_listed(path) for path in root.rglob("*"))
+            assert contents(root) == contents(built)
+
+        server.accept_only_known_keys()
+        code, out, err = command(capsys, monkeypatch, "status", URL)
+        server.accept_everybody()
+        assert (code, out) == (2, "")
+        assert err.startswith(f"domino-data: cannot list {URL}: the credential is not accepted: check it, and the same")
+        code, _, err = command(capsys, monkeypatch, "status", "s3://nowhere/set")
+        assert (code, err.count("\n")) == (2, 1) and "there is no such bucket" in err
+        code, _, err = command(capsys, monkeypatch, "evaluate", "--out", URL, "--policy", "scripted")
+        assert (code, err) == (2, f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n")
+
+
+def test_the_driver_sees_at_which_attempt_a_worker_on_another_machine_is(tmp_path, monkeypatch):
+    recipe = recipe_from({"tasks": ["click_bell"], "levels": [1], "episodes": 1}, "test")
+    (slot,) = recipe.slots()
+    monkeypatch.setenv(CACHE, str(tmp_path / "driver"))
+    with mirrored(f"memory://{tmp_path.name}/set") as root:
+        driver = Dataset(root)
+        driver.create(recipe)
+        worker = Dataset(tmp_path / "worker" / "mirrors" / root.name)
+        assert running.noted(driver, slot) is None
+        running.note(worker, slot, 3)
+        assert running.noted(driver, slot) == running.noted(worker, slot)
+        attempt, began = running.noted(driver, slot)
+        assert attempt == 3 and abs(time.time() - began) < 100
+        running.note(worker, slot, 4)
+        assert running.noted(driver, slot)[0] == 4
+        # the worker is killed
+        running.clear(driver, slot)
+        assert running.noted(driver, slot) is None
+        running.note(driver, slot, 5)
+        assert running.noted(driver, slot)[0] == 5 and list(Mirror(root).store.list()) == [".writing.json", "manifest.yaml"]
