@@ -51,11 +51,10 @@ class Recorder:
     def _watch(self) -> None:
         """Note the first contact with the target of the arms that are watched."""
         s = self.simulation
-        for side, points in s.target_contacts().items():
-            if side in self.watched and side not in self._first:
-                centre = tuple(math.fsum(axis) / len(points) for axis in points.T)
-                poses = tuple(tuple(map(float, pose)) for pose in (s.tcp(side), s.pose(s.target)))
-                self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
+        for side, points in s.target_contacts([side for side in self.watched if side not in self._first]).items():
+            centre = tuple(math.fsum(axis) / len(points) for axis in points.T)
+            poses = tuple(tuple(map(float, pose)) for pose in (s.tcp(side), s.pose(s.target)))
+            self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
 
     def _capture(self) -> None:
         s = self.simulation

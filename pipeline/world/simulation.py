@@ -251,16 +251,18 @@ class Simulation:
         """Measured tcp pose (7,) of one arm."""
         return compose(_array(self._hands[side].pose), self.embodiment.arms[side].tcp)
 
-    def target_contacts(self) -> dict[str, NDArray[np.float64]]:
-        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; sides that do not are left out."""
+    def target_contacts(self, sides: Collection[str] = SIDES) -> dict[str, NDArray[np.float64]]:
+        """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; of `sides`, those that do."""
         found: dict[str, list[list[float]]] = {}
         for contact in self._scene.get_contacts():
             a, b = contact.bodies
             if a is not self._moved and b is not self._moved:
                 continue
             side = self._side_of.get(b if a is self._moved else a)
-            points = [p.position.tolist() for p in contact.points if p.impulse.any()] if side and _pushes(contact) else []
-            if side and points:
+            if side is None or side not in sides or not _pushes(contact):
+                continue
+            points = [p.position.tolist() for p in contact.points if p.impulse.any()]
+            if points:
                 found.setdefault(side, []).extend(points)
         return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
 
