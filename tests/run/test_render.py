@@ -1,11 +1,8 @@
 """`domino-data render` on a real dataset: the stored frames again, other looks and sensors, interruptions, workers, bad input."""
 
 import json
-import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +13,6 @@ import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
 
-from pipeline.cli import main
 from pipeline.data import Dataset, EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.physics_id import physics_id
@@ -28,10 +24,10 @@ from pipeline.run.render import render
 from pipeline.run.status import status
 from pipeline.run.verify import verify
 from tests.export.running import run as run_export
+from tests.run.command import inside, start
 
-ROOT = Path(__file__).parents[2]
-COMMAND = Path(sys.executable).with_name("domino-data")
-RECIPE = {"tasks": "click_bell", "embodiments": "aloha-agilex", "levels": [1, 2], "episodes": 1, "render": "raster-fast"}
+DRAWN = {"render": "raster-fast", "size": [160, 120]}
+RECIPE = {"tasks": "click_bell", "embodiments": "aloha-agilex", "levels": [1, 2], "episodes": 1} | DRAWN
 SMALL = {"size": (64, 48), "cameras": ["head"], "visuals": "randomized"}
 PATIENCE = 300
 
@@ -100,7 +96,7 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
         with EpisodeFile(path) as e, EpisodeFile(plain) as s:
             assert e.cameras == ("corner", "finger", "head_camera", "observer_camera")
             np.testing.assert_array_equal(e.array("observation/head_camera/rgb"), s.array("observation/head_camera/rgb"))
-            assert e.array("observation/corner/depth").shape == (len(e), 60, 100)
+            assert e.array("observation/corner/depth").shape == (len(e), 120, 160)  # the recipe's size is that of every camera
             bell = e.read().log.bodies.index("bell")
             assert (e.array("observation/observer_camera/actor_segmentation") == bell + 1).any()
             cloud = e.array("pointcloud")
@@ -112,7 +108,7 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
 
 
 def test_variants_show_the_same_physics_in_other_looks(source, tmp_path):
-    out, changes = Dataset(tmp_path / "out"), {"size": (640, 480), "cameras": ["head"], "visuals": "randomized", "visual_seed": 7}
+    out, changes = Dataset(tmp_path / "out"), {"size": (128, 96), "cameras": ["head"], "visuals": "randomized", "visual_seed": 7}
     result = draw(source, out, variants=3, **changes)
     assert (result.slots, result.drawn) == (6, 6)
     names = [p.name for p in paths(out)[:3]]
@@ -126,9 +122,9 @@ def test_variants_show_the_same_physics_in_other_looks(source, tmp_path):
             with EpisodeFile(path) as e:
                 assert (e.meta.variant, e.meta.physics_id, e.spec) == (variant, known, spec)
                 np.testing.assert_array_equal(e.read().log.poses, log.poses)
-                assert e.rgb("head_camera", 0).shape == (480, 640, 3)
+                assert e.rgb("head_camera", 0).shape == (96, 128, 3)
                 looks.append(e.meta.drawing.visuals)
-                means.append(e.rgb("head_camera", 0)[300:].mean((0, 1)))
+                means.append(e.rgb("head_camera", 0)[60:].mean((0, 1)))
         assert len({look.to_json() for look in looks}) == 3
         assert min(np.abs(a - b).max() for i, a in enumerate(means) for b in means[:i]) > 5
     assert failed(out) == []
@@ -223,12 +219,12 @@ def test_a_source_that_changed_is_drawn_again_and_alone(mine, tmp_path):
     assert [p for p in paths(out) if p.stat().st_mtime_ns != before[p]] == [out.episode(slot)]
 
 
-def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path, capsys, monkeypatch):
+def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     first, second = mine.recipe().slots()
     path, out = mine.episode(first), tmp_path / "out"
     path.write_bytes(path.read_bytes()[:-100])
     arguments = ("render", mine.root, "--out", out, "--size", "64x48", "--cameras", "head", "--executor", "inline", "--json")
-    code, said, err = command(capsys, monkeypatch, *arguments)
+    code, said, err = inside(*arguments)
     values = json.loads(said)
     assert (code, values["drawn"], values["accepted"]) == (1, 1, 1)
     assert len(values["problems"]) == 1 and str(path) in values["problems"][0]
@@ -242,34 +238,12 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path, cap
     from pipeline.run import redraw
 
     redraw._loaded.cache_clear()
-    code, said, _ = command(capsys, monkeypatch, *arguments)
+    code, said, _ = inside(*arguments)
     problems = json.loads(said)["problems"]
     assert code == 1 and any("is missing" in p for p in problems)
 
 
 # --- who draws --------------------------------------------------------------------------------------------------------------
-
-
-def command(capsys, monkeypatch, *arguments):
-    """The command in this process: exit code, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["domino-data", *map(str, arguments)])
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        main()
-        code = 0
-    except SystemExit as leave:
-        code = leave.code or 0
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
-def start(*arguments):
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([COMMAND, *map(str, arguments)], env=environment, **pipes)
 
 
 OPTIONS = ("--size", "64x48", "--cameras", "head", "--visuals", "randomized", "--quiet")
@@ -285,7 +259,7 @@ def test_workers_draw_the_same_bytes(source, tmp_path):
 
 
 def test_a_killed_and_an_interrupted_rendering_go_on_to_the_same_bytes(source, tmp_path):
-    whole, out, variants = Dataset(tmp_path / "whole"), Dataset(tmp_path / "out"), 8
+    whole, out, variants = Dataset(tmp_path / "whole"), Dataset(tmp_path / "out"), 5
     draw(source, whole, variants=variants, **SMALL)
     arguments = ("render", source.root, "--out", out.root, *OPTIONS, "--variants", variants, "--executor", "inline")
     done = 0
@@ -352,8 +326,8 @@ TOP = '{"name": "%s", "link": %s, "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "h
         (("--workers", "0"), "--workers"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(source, capsys, monkeypatch, tmp_path, arguments, said):
-    code, out, err = command(capsys, monkeypatch, "render", source.root, "--out", tmp_path / "out", *arguments)
+def test_bad_input_is_one_line_and_nothing_is_written(source, tmp_path, arguments, said):
+    code, out, err = inside("render", source.root, "--out", tmp_path / "out", *arguments)
     assert (code, out) == (2, "")
     assert err.count("\n") == 1 and err.startswith("domino-data: ")
     assert said in err
@@ -361,24 +335,24 @@ def test_bad_input_is_one_line_and_nothing_is_written(source, capsys, monkeypatc
 
 
 @pytest.mark.parametrize("place", ["missing", "foreign", "empty", "itself"])
-def test_what_cannot_be_drawn_from_is_one_line(source, capsys, monkeypatch, tmp_path, place):
+def test_what_cannot_be_drawn_from_is_one_line(source, tmp_path, place):
     (tmp_path / "foreign").mkdir()
     (tmp_path / "foreign" / "thesis.txt").write_text("precious")
     Dataset(tmp_path / "empty").create(recipe_from(RECIPE))
     given = source.root if place == "itself" else tmp_path / place
     out = source.root if place == "itself" else tmp_path / "out"
     before = files(source)
-    code, _, err = command(capsys, monkeypatch, "render", given, "--out", out)
+    code, _, err = inside("render", given, "--out", out)
     assert code == 2 and err.count("\n") == 1
     assert given.name in err
     assert files(source) == before and not (tmp_path / "out").exists()
 
 
-def test_an_out_that_holds_something_else_is_left_alone(source, capsys, monkeypatch, tmp_path):
+def test_an_out_that_holds_something_else_is_left_alone(source, tmp_path):
     out = Dataset(tmp_path / "out")
     draw(source, out, variants=2, **SMALL)
     before = files(out)
     for arguments in (OPTIONS[:-1], (*OPTIONS[:-1], "--variants", "2", "--visual-seed", "3"), ()):
-        code, _, err = command(capsys, monkeypatch, "render", source.root, "--out", out.root, *arguments)
+        code, _, err = inside("render", source.root, "--out", out.root, *arguments)
         assert code == 2 and "another recipe" in err
     assert files(out) == before
