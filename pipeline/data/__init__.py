@@ -8,13 +8,35 @@ for path in dataset.accepted(dataset.recipe()):
         print(episode.spec, len(episode), episode.array("joint_state/vector").shape)
 """
 
-from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.episode import Episode, EpisodeError, EpisodeFile, open_episode
-from pipeline.data.errors import DominoError
-from pipeline.data.recipe import Cell, Recipe, RecipeError, Slot, parse_recipe
-from pipeline.data.recipe_file import read_recipe
-from pipeline.data.spec import EpisodeSpec
-from pipeline.data.state_log import Event, StateLog
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pipeline.data.dataset import Dataset, DatasetError
+    from pipeline.data.episode import Episode, EpisodeError, EpisodeFile, open_episode
+    from pipeline.data.errors import DominoError
+    from pipeline.data.recipe import Cell, Recipe, RecipeError, Slot, parse_recipe
+    from pipeline.data.recipe_file import read_recipe
+    from pipeline.data.spec import EpisodeSpec
+    from pipeline.data.state_log import Event, StateLog
+
+_MODULES = {
+    **dict.fromkeys(("Dataset", "DatasetError"), "dataset"),
+    **dict.fromkeys(("Episode", "EpisodeError", "EpisodeFile", "open_episode"), "episode"),
+    **dict.fromkeys(("DominoError",), "errors"),
+    **dict.fromkeys(("Cell", "Recipe", "RecipeError", "Slot", "parse_recipe"), "recipe"),
+    **dict.fromkeys(("read_recipe",), "recipe_file"),
+    **dict.fromkeys(("EpisodeSpec",), "spec"),
+    **dict.fromkeys(("Event", "StateLog"), "state_log"),
+}
+
+
+def __getattr__(name: str) -> object:
+    # each is imported when it is asked for: listing a dataset needs neither h5py nor OpenCV
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+
 
 __all__ = [
     "Cell",

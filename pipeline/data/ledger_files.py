@@ -30,7 +30,7 @@ import pyarrow as pa
 from pyarrow.compute import call_function
 
 from pipeline.data.atomic import remove, write_atomic
-from pipeline.data.columns import mask_of
+from pipeline.data.columns import mask_of, numbers, rows_of
 from pipeline.data.keys import canonical
 from pipeline.data.ledger import NO_RECORD, SlotRecord
 from pipeline.data.ledger_old import PATH, exact_entry, old_entries, read_entry, remove_empty
@@ -113,10 +113,12 @@ class Ledger:
         older = self.old(group)
         if not newer and not older:
             return base
-        places = list(zip(*(base[name].to_pylist() for name in PLACE), strict=True)) if len(base) else []
-        known = set(places)
-        replaced = {place_of(slot) for slot in newer}
-        kept = base.filter(mask_of(np.array([place not in replaced for place in places]))) if places else base
+        replaced, indices = {place_of(slot) for slot in newer}, [slot.index for slot in {**newer, **older}]
+        near = np.flatnonzero(np.isin(numbers(base["slot"], -1), indices))  # the only rows that can be of these slots
+        places = list(zip(*(base[name].take(rows_of(near)).to_pylist() for name in PLACE), strict=True))
+        known, stays = set(places), np.ones(len(base), bool)
+        stays[near] = [place not in replaced for place in places]
+        kept = base.filter(mask_of(stays))
         found = (exact_entry(slot, path) for slot, path in older.items())
         added = {slot: record for slot, record in found if record and place_of(slot) not in known} | newer
         return pa.concat_tables([kept, picked(table_of(added.items()), columns)])

@@ -4,7 +4,7 @@ import os
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,17 +77,17 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     with session(pool), tqdm(total=len(jobs), unit="ep", disable=not progress, dynamic_ncols=True) as bar:
         judged = list(_judge(jobs, pool, bar))
         for each in judged:
-            tally.add(each.findings)
+            tally.add_counted(each.looked, each.findings)
         sound = [each for each in judged if each.sound]
         annotated = list(_judge([Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages], pool, bar))
         for each in annotated:
-            tally.add(each.findings)
+            tally.add_counted(each.looked, each.findings)
         exports, hindered = exports_of(dataset), _hindrance(dataset, found, recorded, [*sound, *annotated])
         paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
         if not hindered:
             compared = [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
             for each in _judge(compared, pool, bar):
-                tally.add(each.findings)
+                tally.add_counted(each.looked, each.findings)
     for place in exports if hindered else []:
         tally[f"export {place.name}"].note = hindered
     tally.add(check_strays(dataset, recipe))
@@ -111,6 +111,7 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
     """Everything judged, in the order of the jobs; one that takes two workers with it is a problem of its own."""
     queue = deque(jobs)
     order, done, strikes = [job.name for job in queue], dict[str, Judged](), Strikes(pool.workers)
+    shared = dict[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]()
     if not order:
         return
     limit = Limit[Job](lambda job: EPISODE_SECONDS if job.slot else DIRECTORY_SECONDS)
@@ -119,10 +120,11 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
             match end:
                 case Done(job, judged):
                     strikes.done()
-                    done[job.name] = judged
+                    # most slots have the same counts
+                    done[job.name] = replace(judged, looked=shared.setdefault(judged.looked, judged.looked))
                 case Died(job, reason) if strikes.out(job.name):
                     why = f"{job.name}: {reason.replace('_', ' ')} twice while reading it; remove it and run the build again"
-                    done[job.name] = Judged(job.slot or next(job.recipe.slots()), [Finding("readable", why)])
+                    done[job.name] = Judged(job.slot or next(job.recipe.slots()), [Finding("readable", why)]).brief()
                 case Died(job, _):
                     queue.append(job)
                     continue
@@ -149,7 +151,7 @@ def _hindrance(
 
 def judge() -> Callable[[Job], Judged]:
     """The work of a worker."""
-    return judge_one
+    return lambda job: judge_one(job).brief()
 
 
 def judge_one(job: Job) -> Judged:

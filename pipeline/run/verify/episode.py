@@ -1,7 +1,8 @@
 """One slot judged by itself: its ledger entry, its episode file, and whether both are what the recipe wants."""
 
+import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from pipeline.data.dataset import Dataset
@@ -13,7 +14,7 @@ from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.verify.arrays import check_arrays
 from pipeline.run.verify.images import check_images
 from pipeline.run.verify.physics import CHECKS, Physics
-from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.run.verify.tally import FAULTS, Finding, counted, line, seen
 from pipeline.stages.failure import Failure
 
 AGAIN = "run the build again"
@@ -21,7 +22,8 @@ AGAIN = "run the build again"
 
 @dataclass(frozen=True)
 class Judged:
-    """What was found of one slot. `meeting` is how late (s) and how far off (m) the first contact was; `assets` maps bodies to the
+    """What was found of one slot: `looked` counts the observations of each check, where `findings` has only those with a problem.
+    `meeting` is how late (s) and how far off (m) the first contact was; `assets` maps bodies to the
     hashes of what they were drawn from; `sound` says whether the file is the one that was written."""
 
     slot: Slot
@@ -29,6 +31,13 @@ class Judged:
     sound: bool = False
     meeting: tuple[float, float] | None = None
     assets: dict[str, str] = field(default_factory=dict)
+    looked: tuple[tuple[str, int], ...] = ()
+
+    def brief(self) -> "Judged":
+        """The same with its observations counted: a dataset has a hundred for every slot, which fill the memory."""
+        looked, problems = counted(self.findings)
+        assets = {sys.intern(body): sys.intern(key) for body, key in self.assets.items()}
+        return replace(self, findings=problems, looked=looked, assets=assets)
 
 
 def judge_episode(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord) -> Judged:

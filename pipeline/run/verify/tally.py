@@ -1,5 +1,6 @@
 """What was looked at and what was wrong: one finding an observation, one check a promise."""
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -49,6 +50,16 @@ class Check:
         return {"name": self.name, "ok": not self.problems, "checked": self.looked, "detail": detail, "problems": self.problems}
 
 
+def counted(findings: Iterable[Finding]) -> tuple[tuple[tuple[str, int], ...], list[Finding]]:
+    """How many observations each check made, in the order of their first, and those alone that found a problem."""
+    looked, problems = dict[str, int](), list[Finding]()
+    for finding in findings:
+        looked[sys.intern(finding.check)] = looked.get(finding.check, 0) + 1
+        if finding.problem:
+            problems.append(finding)
+    return tuple(looked.items()), problems
+
+
 class Tally:
     """All checks of one run, by name, in the order they were first used."""
 
@@ -60,9 +71,12 @@ class Tally:
 
     def add(self, findings: Iterable[Finding]) -> None:
         """Count observations."""
-        for name, raw in findings:
-            problem = printable(raw)
-            check = self[name]
-            check.looked += 1
-            if problem:
-                check.problems.append(problem)
+        self.add_counted(*counted(findings))
+
+    def add_counted(self, looked: Iterable[tuple[str, int]], problems: Iterable[Finding]) -> None:
+        """As `add`, of observations that were counted before."""
+        for name, number in looked:
+            self[name].looked += number
+        for name, problem in problems:
+            if said := printable(problem):
+                self[name].problems.append(said)

@@ -1,0 +1,28 @@
+"""Observations that a worker counts add up to what each of them would."""
+
+import pickle
+import random
+
+from pipeline.data.recipe import parse_recipe
+from pipeline.run.verify.episode import Judged
+from pipeline.run.verify.tally import Finding, Tally
+
+SLOT = next(parse_recipe({"tasks": ["click_bell"]}).slots())
+
+
+def test_counted_observations_are_the_same_as_single_ones():
+    rng, one, counted = random.Random(0), Tally(), Tally()
+    for _ in range(50):
+        names = rng.choices(["files", "hashes", "spec", "jpeg"], k=rng.randint(0, 9))
+        findings = [Finding(name, f"{name} {rng.random():.3f}\n" if rng.random() < 0.2 else "") for name in names]
+        judged = Judged(SLOT, findings, assets={"bell": "0123"}).brief()
+        assert all(finding.problem for finding in judged.findings) and judged.assets == {"bell": "0123"}
+        one.add(findings)
+        counted.add_counted(judged.looked, judged.findings)
+    assert [check.as_dict() for check in counted.checks.values()] == [check.as_dict() for check in one.checks.values()]
+    assert {check.name: check.looked for check in one.checks.values()}["spec"] > 50
+
+
+def test_a_sound_slot_is_brief_whatever_was_looked_at():
+    many = Judged(SLOT, [Finding("arrays", "")] * 1000).brief()
+    assert many.looked == (("arrays", 1000),) and len(pickle.dumps(many)) < 1000
