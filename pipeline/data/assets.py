@@ -70,8 +70,8 @@ class AssetStore:
         return arrays, attributes
 
     def renew(self, key: str) -> None:
-        """Write an asset anew whose content is whole and whose file is not the one that `put` writes: a ZIP file has bits that nobody
-        reads. Raises AssetError where the content is not whole, OSError."""
+        """Write an asset anew whose content is whole and whose file is not the one that `put` writes: a ZIP file has bits that
+        nobody reads. Raises AssetError where the content is not whole, OSError."""
         data = _encoded(*self.get(key))
         if self.path(key).read_bytes() != data:
             write_atomic(self.path(key), data)
