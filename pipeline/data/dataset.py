@@ -17,7 +17,7 @@ from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import Ledger
-from pipeline.data.mirror import sent
+from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
@@ -260,6 +260,7 @@ class Dataset:
         for path in map(self.episode, slots):
             if path.exists():
                 remove(path)
+                withdrawn(path)
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""
