@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.mirror import mirror_of
 from pipeline.run.keys import code_version
 from pipeline.world.vulkan import ensure_renderer
 
@@ -16,8 +17,11 @@ class NodeCheck:
     code: str
 
     def __call__(self) -> dict[str, str]:
-        """What decides how images look and must be the same on all machines. Raises DatasetError and NoRenderer in one line."""
-        if not Dataset(Path(self.root)).manifest.exists():
+        """What decides how images look and must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        manifest = Dataset(Path(self.root)).manifest
+        mirror = mirror_of(manifest)
+        # asked of the store and not fetched: a mirror without a manifest is known for a worker's (run/running.py)
+        if not (mirror.store.stat(mirror.name(manifest)) if mirror else manifest.exists()):
             raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
         if code_version() != self.code:
             raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
