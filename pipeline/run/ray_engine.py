@@ -36,7 +36,7 @@ def run_on_ray[J, R](
     """As `engine.run`, for a pool of Ray workers."""
     with session(pool):
         crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), check)
-        with _daemons() as daemons:
+        with _daemons(pool) as daemons:
             try:
                 while jobs or crew.at_work:
                     daemons.check()
@@ -77,9 +77,10 @@ class _Daemons:
 
 
 @contextmanager
-def _daemons() -> Iterator[_Daemons]:
-    """The raylet and the control service below this process, if any."""
-    names = {os.pidfd_open(pid): name for name in _DAEMONS for pid in children_named(os.getpid(), name)}
+def _daemons(pool: Pool) -> Iterator[_Daemons]:
+    """The raylet and the control service below this process, where they are this run's; nodes of a cluster may come and go."""
+    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in children_named(os.getpid(), name)]
+    names = {os.pidfd_open(pid): name for name, pid in found}
     try:
         yield _Daemons(names)
     finally:
