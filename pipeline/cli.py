@@ -33,8 +33,8 @@ from pipeline.commands.stores import on_stores
 from pipeline.commands.view import view
 from pipeline.data.disk import said_of
 from pipeline.data.errors import DominoError
-from pipeline.data.mirror import with_urls
 from pipeline.data.reading import printable
+from pipeline.data.urls import with_urls
 
 VERBS = (
     *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, ladder, serve_policy),

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import Address, AsJson, Gpus, Root, RuntimeEnv, UsageError, listed, pool_of, say, warn_of_stale
-from pipeline.data.mirror import with_urls
+from pipeline.data.urls import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 

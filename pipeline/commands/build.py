@@ -39,7 +39,7 @@ from pipeline.commands.common import (
     table,
 )
 from pipeline.data.dataset import Dataset
-from pipeline.data.mirror import with_urls
+from pipeline.data.urls import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 if TYPE_CHECKING:  # it takes a second to import

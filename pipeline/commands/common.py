@@ -12,9 +12,9 @@ import yaml
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
-from pipeline.data.mirror import with_urls
 from pipeline.data.recipe import Recipe
 from pipeline.data.recipe_file import read_recipe
+from pipeline.data.urls import with_urls
 from pipeline.run.pool import EXECUTORS, Pool, pick_executor
 from pipeline.run.progress import KINDS, Kind
 

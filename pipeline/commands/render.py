@@ -9,7 +9,7 @@ import typer
 
 from pipeline.commands.common import Address, AsJson, Executor, Gpus, Root, RuntimeEnv, UsageError, Workers, listed, pool_of, say
 from pipeline.data.dataset import Dataset
-from pipeline.data.mirror import with_urls
+from pipeline.data.urls import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
 SENSORS = ("rgb", "depth", "segmentation", "pointcloud")

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.commands.common import UsageError
-from pipeline.data.mirror import mirrored, url_of
+from pipeline.data.mirror import mirrored
+from pipeline.data.urls import url_of
 
 READS, WRITES = False, True
 TAKEN = {

@@ -30,16 +30,10 @@ from urllib.parse import quote, unquote
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.lease import LEASE, leased
 from pipeline.data.store import Listed, Store, StoreError
+from pipeline.data.urls import FOLDER, mirrors
 
-CACHE = "DOMINO_DATA_CACHE"
-"""Environment variable: where mirrors are kept; otherwise below the user's cache."""
-
-FOLDER = "mirrors"
 LISTED = stat.S_IWUSR
 """Permissions of a file without its bytes."""
-
-SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "oci", "oss", "memory", "sftp", "ssh", "smb", "hdfs")
-"""URLs that name a store."""
 
 _YEARS = 9 * 10**17  # ns: until 1998
 _THREADS = 8
@@ -47,20 +41,7 @@ _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotation
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
 _LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
-_URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _LONGEST = 240  # bytes; names of files have at most 255
-
-
-def url_of(text: str | Path) -> str | None:
-    """The URL of a store that a text is, also one that was taken for a path, None for a path."""
-    match = _URL.fullmatch(str(text))
-    return f"{match[1]}://{match[2].rstrip('/')}" if match else None
-
-
-def cache() -> Path:
-    """Where mirrors are kept."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(os.environ.get(CACHE) or Path(home) / "domino-data").absolute()
 
 
 def mark(listed: Listed) -> int:
@@ -273,7 +254,7 @@ def _free(url: str) -> Iterator[Mirror]:
     name = quote(url, safe="")
     if len(name) > _LONGEST:
         raise StoreError(f"{url}: is too long to be a dataset's URL: name a shorter one")
-    number, folder = 0, cache() / FOLDER
+    number, folder = 0, mirrors()
     folder.mkdir(parents=True, exist_ok=True)
     while True:
         root = folder / (f"{name}~{number}" if number else name)
@@ -285,11 +266,6 @@ def _free(url: str) -> Iterator[Mirror]:
                 continue
             yield _mirror(root)
             return
-
-
-def with_urls(text: str) -> str:
-    """A text in which the paths of mirrors are the URLs that they stand for."""
-    return re.sub(rf"{re.escape(str(cache() / FOLDER))}/(\w+%3A%2F%2F[^\s/~:;,'\"]+)(?:~\d+)?", lambda m: unquote(m[1]), text)
 
 
 def _plain(name: str) -> bool:

@@ -17,8 +17,9 @@ from pipeline.data.episode import EpisodeError
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import LedgerWriter
 from pipeline.data.lock import exclusive
-from pipeline.data.mirror import sent, with_urls
+from pipeline.data.mirror import sent
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.data.urls import with_urls
 from pipeline.planning.warm import compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run import running

@@ -7,10 +7,11 @@ import pytest
 from pipeline.data import mirror as mirrors
 from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import file_hash
-from pipeline.data.mirror import Mirror, is_listed, is_new, mirror_of, mirrored, replaced, sent, url_of, with_urls, withdrawn
+from pipeline.data.mirror import Mirror, is_listed, is_new, mirror_of, mirrored, replaced, sent, withdrawn
 from pipeline.data.reading import read_regular
 from pipeline.data.stamps import file_stamp
 from pipeline.data.store import StoreError
+from pipeline.data.urls import url_of, with_urls
 
 
 @pytest.fixture

@@ -80,7 +80,13 @@ def test_files_of_episodes_that_get_other_numbers_are_renamed(dataset, tmp_path,
 )
 def test_episodes_in_a_video_that_grows_are_not_encoded_again(dataset, tmp_path, monkeypatch, options):
     encoded, encode = [], lerobot_prepare.encode
-    monkeypatch.setattr(lerobot_prepare, "encode", lambda frames, *how: encoded.append(len(frames)) or encode(frames, *how))
+
+    def counting(frames, *how):
+        frames = list(frames)
+        encoded.append(len(frames))
+        return encode(frames, *how)
+
+    monkeypatch.setattr(lerobot_prepare, "encode", counting)
     first, second = grown(dataset, tmp_path, "lerobot", ([0, 2, 3], [0, 1, 2, 3, 4]), **options)
     # three cameras each: what there was, what is new, and all of it for the empty place
     assert encoded[::3] == encoded[1::3] == encoded[2::3] == [2, 4, 5, 3, 6, 2, 3, 4, 5, 6]
