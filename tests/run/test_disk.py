@@ -12,14 +12,13 @@ from pipeline.data.stamps import file_stamp
 from pipeline.run import build
 from pipeline.run.keys import slot_keys
 from pipeline.run.pool import Done
-from tests.run.command import WANTED
-from tests.run.test_build import command
+from tests.run.command import WANTED, inside
 
 
 def failing_after_one(number):
     """An engine whose second slot finds the disk in this state."""
 
-    def run(make, jobs, pool, limit):
+    def run(make, jobs, pool, limit, **_):
         job = jobs.popleft()
         path = Dataset(job.root).episode(job.slot)
         path.parent.mkdir(parents=True)
@@ -44,10 +43,10 @@ def failing_after_one(number):
         (errno.EIO, "Input/output error: the mount is gone or broken: mount it again;"),
     ],
 )
-def test_a_disk_that_fails_is_one_line_and_what_is_finished_stays(tmp_path, capsys, monkeypatch, number, said):
+def test_a_disk_that_fails_is_one_line_and_what_is_finished_stays(tmp_path, monkeypatch, number, said):
     monkeypatch.setattr(build, "run", failing_after_one(number))
     out = tmp_path / "set"
-    code, _, err = command(capsys, monkeypatch, "build", *WANTED, "--out", out, "--quiet", "--executor", "inline")
+    code, _, err = inside("build", *WANTED, "--out", out, "--quiet", "--executor", "inline")
     wanted = f"domino-data: /mnt/set/episodes/e.hdf5: {said} what is finished is kept, and the same command goes on\n"
     assert (code, err) == (2, wanted)
     dataset = Dataset(out)

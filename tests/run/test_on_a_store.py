@@ -11,14 +11,13 @@ from pipeline.data.urls import CACHE
 from pipeline.run import running
 from pipeline.run.names import recipe_from
 from tests.object_server import object_server
-from tests.run.command import WANTED, contents, start
+from tests.run.command import WANTED, contents, inside, start
 from tests.run.processes import wait_for
-from tests.run.test_build import command
 
 URL = "s3://bucket/sets/bells"
 
 
-def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built, tmp_path, capsys, monkeypatch):
+def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built, tmp_path, monkeypatch):
     logging.getLogger("werkzeug").disabled = True
     with object_server() as server:
         environment = server.environment(tmp_path / "cache")
@@ -35,15 +34,15 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
         fetched = []
         get = Mirror._fetch
         monkeypatch.setattr(Mirror, "_fetch", lambda self, path: (fetched.append(path.name), get(self, path)))
-        code, out, err = command(capsys, monkeypatch, "status", URL)
+        code, out, err = inside("status", URL)
         assert code == 0 and "of 3 accepted" in out, err
-        code, out, err = command(capsys, monkeypatch, "build", *WANTED, "--out", URL, "--quiet", "--executor", "inline")
+        code, out, err = inside("build", *WANTED, "--out", URL, "--quiet", "--executor", "inline")
         assert code == 0 and f"3 of 3 episodes in {URL}" in out and f"images: {URL}/report/index.html" in out, err
         assert f"({3 - len(finished)} slots worked on now" in out
         # nothing was read of what was there but what the report shows
         assert all(not name.endswith(".npz") for name in fetched)
         shutil.rmtree(tmp_path / "elsewhere")
-        code, out, err = command(capsys, monkeypatch, "verify", URL, "--quiet")
+        code, out, err = inside("verify", URL, "--quiet")
         assert code == 0 and "FAIL" not in out, out + err
 
         with mirrored(URL, writes=False) as root:
@@ -54,13 +53,13 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
             assert contents(root) == contents(built)
 
         server.accept_only_known_keys()
-        code, out, err = command(capsys, monkeypatch, "status", URL)
+        code, out, err = inside("status", URL)
         server.accept_everybody()
         assert (code, out) == (2, "")
         assert err.startswith(f"domino-data: cannot list {URL}: the credential is not accepted: check it, and the same")
-        code, _, err = command(capsys, monkeypatch, "status", "s3://nowhere/set")
+        code, _, err = inside("status", "s3://nowhere/set")
         assert (code, err.count("\n")) == (2, 1) and "there is no such bucket" in err
-        code, _, err = command(capsys, monkeypatch, "evaluate", "--out", URL, "--policy", "scripted")
+        code, _, err = inside("evaluate", "--out", URL, "--policy", "scripted")
         assert (code, err) == (2, f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n")
 
 

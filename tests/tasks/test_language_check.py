@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 
 import numpy as np
@@ -101,8 +101,8 @@ def test_samples_take_turns_over_tasks_splits_and_levels():
     drawn = list(samples(5, 70))
     assert {name for name, *_ in drawn[:35]} == set(TASKS)
     assert {(split, moving) for _, split, moving, _ in drawn} == set(product(("seen", "unseen"), (False, True)))
-    assert drawn == list(samples(5, 70))
-    assert drawn != list(samples(6, 70))
+    assert drawn[:10] == list(islice(samples(5, 70), 10))
+    assert drawn[:10] != list(islice(samples(6, 70), 10))
 
 
 def test_the_page_in_the_documents_is_what_the_command_prints():
