@@ -132,7 +132,7 @@ PYTHON=$(find_python || python_by_uv || python_by_apt) ||
 say "uv: $UV; python: $PYTHON"
 unset VIRTUAL_ENV
 export UV_PROJECT_ENVIRONMENT=$PWD/.venv UV_HTTP_TIMEOUT=${UV_HTTP_TIMEOUT:-300}
-"$UV" sync --frozen --all-extras --python "$PYTHON" ||
+"$UV" sync --frozen --all-extras --no-extra metrics --python "$PYTHON" ||
     die "the packages could not be installed: see the message of uv above (about 7 GB of disk and a way to pypi.org are needed)"
 
 if ! loads 2>/dev/null; then

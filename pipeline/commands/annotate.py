@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Gpus, Root, RuntimeEnv, UsageError, listed, pool_of, say, warn_of_stale
+from pipeline.commands.common import Address, AsJson, Gpus, Quiet, Root, RuntimeEnv, UsageError, listed, pool_of, say, warn_of_stale
 from pipeline.data.urls import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
@@ -33,6 +33,7 @@ def annotate(
     gpus_per_worker: Gpus = None,
     runtime_env: RuntimeEnv = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; write and download nothing.")] = False,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
@@ -74,7 +75,10 @@ def annotate(
                 where=where,
                 render=partial(redraw, bodies=source.bodies),
                 execution=Execution(
-                    pool_of(executor, workers, address, gpus_per_worker, runtime_env), device, dry_run, progress=not as_json
+                    pool_of(executor, workers, address, gpus_per_worker, runtime_env),
+                    device,
+                    dry_run,
+                    progress=not (as_json or quiet),
                 ),
             )
     except Stopped:

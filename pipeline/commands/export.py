@@ -9,7 +9,7 @@ import typer
 from tqdm import tqdm
 from typer.core import TyperCommand
 
-from pipeline.commands.common import AsJson, Root, UsageError, Workers, executor_of, say, warn_of_stale
+from pipeline.commands.common import AsJson, Quiet, Root, UsageError, Workers, executor_of, say, warn_of_stale
 from pipeline.data.dataset import Dataset
 from pipeline.data.mirror import replaced
 from pipeline.data.recipe import Recipe
@@ -93,6 +93,7 @@ def export(
     ] = "episodes",
     ladder: Annotated[Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")] = None,
     workers: Workers = None,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a dataset in another format."""
@@ -119,7 +120,7 @@ def export(
             "the rest is open; `domino-data build` fills them"
         )
     place, processes = out or source.exports(f"{format_}-failures" if failures else format_), executor_of("ray", workers)[1]
-    with tqdm(total=len(episodes), unit="ep", disable=as_json or None) as bar:
+    with tqdm(total=len(episodes), unit="ep", disable=as_json or quiet or None) as bar:
         describing = describe(source.root, sorted(episodes), more)
         job = Job(source.root, place, sorted(episodes), options, bar.update, processes, describing, split)
         with replaced(place):

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import AsJson, Root, UsageError, say
+from pipeline.commands.common import AsJson, Quiet, Root, UsageError, say
 from pipeline.data.dataset import Dataset
 
 PAGES = 30
@@ -21,6 +21,7 @@ def view(
     rerun: Annotated[Path | None, typer.Option(help="Write recordings for rerun (.rrd) to this directory instead.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 takes a free one.")] = 0,
     open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Write pages that show episodes, cameras in step with curves and events, or serve them; works without a network."""
@@ -48,7 +49,7 @@ def view(
         names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
         made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]
         return say({"recordings": made}, as_json, "\n".join(made))
-    with tqdm(total=len(chosen), unit="ep", disable=as_json or None) as bar:
+    with tqdm(total=len(chosen), unit="ep", disable=as_json or quiet or None) as bar:
         page = write_viewer(source.root, chosen, out or source.report.parent / "view", len(there), bar.update)
     say({"page": str(page), "episodes": len(chosen)}, as_json, str(page))
     if open_ and not webbrowser.open(page.resolve().as_uri()):

@@ -64,9 +64,9 @@ class AssetStore:
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; {_FIX}") from error
         except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-            raise AssetError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); {_FIX}") from error
+            raise AssetError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); remove it: {_FIX}") from error
         if _hash(arrays, attributes) != key:
-            raise AssetError(f"{path}: its content is not that of its name; {_FIX}")
+            raise AssetError(f"{path}: its content is not that of its name; remove it: {_FIX}")
         return arrays, attributes
 
     def renew(self, key: str) -> None:

@@ -22,8 +22,9 @@ from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
 
-CHANGED = "bytes differ from the ledger's sha256; the build command of this dataset, run again, makes it anew"
-"""What is said of an episode file that is not the one that was written."""
+CHANGED = "bytes differ from the ledger's sha256; remove it, and the build command of this dataset, run again, makes it anew"
+"""What is said of an episode file that is not the one that was written. A build does not read a file again whose length and time of
+change are as they were."""
 
 REMAKE = "remove it, if it is there, and run the build again, which makes its slot anew"
 """What helps where a failed attempt that is kept is not the file that was written."""

@@ -30,6 +30,7 @@ from pipeline.run.floor import Probation, stops_in
 from pipeline.run.keys import code_version
 from pipeline.run.make import read_facts
 from pipeline.run.mend import from_scenes, mend_assets
+from pipeline.run.metrics import Metrics
 from pipeline.run.node import NodeCheck
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Kind, Progress
@@ -106,7 +107,8 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
         restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
         del known
         _announce(progress, dataset, recipe, todo, pool)
-        lost = _fill(dataset, jobs, pool, timeout, Told(progress, Probation(dataset, recipe, jobs), ledger, unfinished))
+        told = Told(progress, Metrics(pool), Probation(dataset, recipe, jobs), ledger, unfinished)
+        lost = _fill(dataset, jobs, pool, timeout, told)
         ledger.close()
         if recipe.variants > 1:
             progress.close()
@@ -175,9 +177,10 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
 
 @dataclass(frozen=True)
 class Told:
-    """Whom the ends of slots are told: who shows them, who judges cells by them, and who writes their entries."""
+    """Whom the ends of slots are told: who shows them, who counts them, who judges cells by them, and who writes their entries."""
 
     progress: Progress
+    metrics: Metrics
     probation: Probation
     ledger: LedgerWriter
     unfinished: set[Slot]
@@ -187,10 +190,16 @@ class Told:
         self.ledger.add(slot, record)
         self.unfinished.discard(slot)
         self.progress.add(record.attempts)
+        self.metrics.slot(slot, record)
         known = len(self.probation.stops)
         ready = self.probation.done(slot, record.attempts)
         self.say_stopped(known)
         return ready
+
+    def lost(self) -> None:
+        """A worker was lost."""
+        self.progress.lost()
+        self.metrics.lost()
 
     def say_stopped(self, known: int = 0) -> None:
         """Say which cells are stopped, but for the first `known` ones."""
@@ -213,12 +222,12 @@ def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, to
                     jobs.extend(told.done(job.slot, record))
                 case Died(job, "node_lost"):
                     lost += 1
-                    told.progress.lost()
+                    told.lost()
                     running.clear(dataset, job.slot)
                     jobs.append(job)
                 case Died(job, reason):
                     lost += 1
-                    told.progress.lost()
+                    told.lost()
                     jobs.append(_again(dataset, job, reason, strikes))
     return lost
 
