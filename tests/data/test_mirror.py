@@ -4,7 +4,6 @@ import os
 
 import pytest
 
-from pipeline.data import mirror as mirrors
 from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import file_hash
 from pipeline.data.mirror import Mirror, is_listed, is_new, mirror_of, mirrored, replaced, sent, withdrawn
@@ -12,11 +11,12 @@ from pipeline.data.reading import read_regular
 from pipeline.data.stamps import file_stamp
 from pipeline.data.store import StoreError
 from pipeline.data.urls import url_of, with_urls
+from pipeline.data.user_cache import CACHE
 
 
 @pytest.fixture
 def url(tmp_path, monkeypatch):
-    monkeypatch.setenv(mirrors.CACHE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
     return f"memory://{tmp_path.name}/set"
 
 
@@ -25,7 +25,7 @@ def elsewhere(tmp_path, monkeypatch):
     """Go on on another machine."""
 
     def move(name):
-        monkeypatch.setenv(mirrors.CACHE, str(tmp_path / name))
+        monkeypatch.setenv(CACHE, str(tmp_path / name))
 
     return move
 
