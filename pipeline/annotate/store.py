@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.annotate.keys import AnnotateError
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, checksum, read_entry, stages_of
 from pipeline.data.atomic import atomic_path, write_atomic
+from pipeline.data.hdf5_file import new_hdf5
 from pipeline.data.keys import canonical
 from pipeline.data.mirror import sent
 from pipeline.data.reading import check_regular
@@ -41,7 +42,7 @@ def write_entry(
     left behind then.
     """
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as f:
+    with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         f.attrs["key"] = key
         f.attrs["attributes"] = canonical(dict(attributes)).decode()
         f.attrs["checksum"] = entry.checksum

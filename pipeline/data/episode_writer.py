@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import atomic_path
 from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.episode import FIRST_CONTACT, SCHEMA, Episode
+from pipeline.data.hdf5_file import new_hdf5
 from pipeline.data.jpeg import encode_frames
 from pipeline.data.names import SIDES
 from pipeline.data.state_log import Touch
@@ -32,7 +33,7 @@ def write_episode(
     Raises OSError where the disk refuses; nothing is left behind then.
     """
     coded = [encode_frames(view.rgb) for view in views] if images is None else images
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as f:
+    with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         # groups that h5py makes on the way to a dataset carry the time of day; these do not
         below = {"/".join(key.split("/")[:n]) for key in episode.interception for n in range(1, key.count("/") + 1)}
         inner = [f"interception/{name}" for name in sorted(below)]

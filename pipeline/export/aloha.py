@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
+from pipeline.data.hdf5_file import new_hdf5
 from pipeline.data.names import SIDES
 from pipeline.export.common import (
     ExportError,
@@ -191,7 +192,7 @@ def _write(
     path: Path, rows: Mapping[str, NDArray[Any]], images: Mapping[str, list[Any]], facts: Facts, options: AlohaOptions
 ) -> None:
     log, length = facts.log, len(rows["action"])
-    with h5py.File(path, "w", rdcc_nbytes=2 * 1024**2, libver=("v110", "v110")) as f:
+    with new_hdf5(path, rdcc_nbytes=2 * 1024**2) as f:
         f.attrs["sim"], f.attrs["compress"], f.attrs["fps"] = True, options.compress == "jpeg", facts.fps
         f.attrs["jpeg_order"], f.attrs["length"] = options.jpeg_order, len(facts)
         f.attrs["embodiment"], f.attrs["names"] = facts.spec.embodiment, list(log.vector_names)

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode import EpisodeFile
+from pipeline.data.hdf5_file import new_hdf5
 from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe import Cell
 from pipeline.data.spec import EpisodeSpec
@@ -179,7 +180,7 @@ def scene(facts: Facts) -> dict[str, Any]:
 
 def write_arrays(path: Path, arrays: dict[str, NDArray[Any]], facts: Facts, order: JpegOrder) -> None:
     """Write an exported file: its arrays by key, and attributes."""
-    with h5py.File(path, "w", libver=("v110", "v110")) as f:
+    with new_hdf5(path) as f:
         f.attrs["jpeg_order"], f.attrs["fps"], f.attrs["spec"] = order, facts.fps, facts.spec.to_json()
         make_groups(f, arrays)
         for key, values in arrays.items():
