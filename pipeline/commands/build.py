@@ -118,7 +118,7 @@ def build(
         print(f"domino-data: {line}", file=sys.stderr)
     if result.given_up:
         print(
-            f"domino-data: {result.given_up} slots were given up after {recipe.attempts} attempts each: "
+            f"domino-data: slots given up after {recipe.attempts} attempts each: {result.given_up}; "
             f"`domino-data status {with_urls(str(out))}` says why",
             file=sys.stderr,
         )

@@ -107,7 +107,8 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
         restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
         del known
         _announce(progress, dataset, recipe, todo, pool)
-        told = Told(progress, Metrics(pool), Probation(dataset, recipe, jobs), ledger, unfinished)
+        probation = Probation(dataset, recipe, jobs)
+        told = Told(progress, Metrics(pool), probation, ledger, unfinished)
         lost = _fill(dataset, jobs, pool, timeout, told)
         ledger.close()
         if recipe.variants > 1:
@@ -125,6 +126,8 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
         sweep(dataset.assets)
         attempts = dataset.write_attempts(recipe)
         write_atomic(dataset.provenance, json.dumps(provenance(device, recipe), indent=2, sort_keys=True).encode())
+    untried = probation.untried
+    parts[OPEN] -= len(untried & unfinished)
     accepted = dataset.present(dataset.entries(recipe, ())).accepted
     refresh(dataset, annotation_sheet)
     reasons = attempts["reason"].value_counts().to_pylist()
@@ -132,8 +135,8 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
         slots=len(slots) * recipe.variants,
         accepted=sum(accepted),
         given_up=len(accepted) - sum(accepted),
-        made=len(todo),
-        parts=dict(parts),
+        made=len(todo) - len(untried),
+        parts=dict(+parts),
         attempts=len(attempts),
         reasons={each["values"]: each["counts"] for each in reasons if each["values"]},
         workers_lost=lost,

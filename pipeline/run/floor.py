@@ -72,12 +72,16 @@ def _tried(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
 
 
 class Probation:
-    """Which jobs may start: those at the first slots of every cell, and a cell's others once it is judged and not stopped."""
+    """Which jobs may start: those at the first slots of every cell, and a cell's others once it is judged and not stopped.
+
+    `stops` are the cells that are stopped, `untried` the slots whose jobs were not started for it.
+    """
 
     def __init__(self, dataset: Dataset, recipe: Recipe, jobs: "deque[SlotJob]") -> None:
         """Takes from `jobs` those that have to wait."""
         self._recipe = recipe
         self.stops: list[Stop] = []
+        self.untried = set[Slot]()
         self._held: dict[Cell, list[SlotJob]] = {}
         self._first: dict[Cell, dict[int, Rows | None]] = {}
         if recipe.floor is None:
@@ -112,5 +116,6 @@ class Probation:
         held = self._held.pop(cell)
         if stop := judge(cell, self._recipe.wanted(cell), self._recipe.floor, rows):
             self.stops.append(stop)
+            self.untried.update(job.slot for job in held)
             return []
         return held

@@ -62,6 +62,7 @@ def test_the_same_slots_are_tried_whatever_the_order_in_which_they_end(tmp_path_
     wanted = {slot for slot in RECIPE.physical_slots() if slot.cell.level < 3 or slot.index < 2}
     assert len(made) == len(set(made)) and set(made) == wanted
     assert {(stop.cell.level, stop.slots) for stop in probation.stops} == {(3, 3)}
+    assert probation.untried == {*RECIPE.physical_slots()} - wanted
 
 
 def test_a_build_goes_on_with_what_its_ledger_judges(tmp_path):
