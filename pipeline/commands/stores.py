@@ -38,6 +38,7 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
                 urls = [url_of(each) for each in (value if isinstance(value, list) else [value]) if isinstance(each, Path)]
                 url = next(filter(None, urls), None)
                 if url is None:
+                    given[name] = _plain(value)
                     continue
                 if name not in taken:
                     raise UsageError(f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine there, no URL")
@@ -47,3 +48,10 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
             verb(**given)
 
     return run
+
+
+def _plain(value: Any) -> Any:
+    """A path that no library takes for a URL: one with a colon in its first part begins at the root."""
+    if isinstance(value, Path) and value.parts and ":" in value.parts[0]:
+        return Path.cwd() / value
+    return value

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
+from pipeline.data.store import StoreError
 
 CHANGED = "bytes differ from the ledger's sha256; remove it, and the build command of this dataset, run again, makes it anew"
 """What is said of an episode file that is not the one that was written. A build does not read a file again whose length and time of
@@ -257,11 +259,15 @@ class Dataset:
         return values
 
     def withdraw(self, slots: Iterable[Slot]) -> None:
-        """Remove the episodes of slots without entries: a command was stopped after a worker wrote them."""
-        for path in map(self.episode, slots):
-            if path.exists():
-                remove(path)
-                withdrawn(path)
+        """Remove the episodes of slots without entries: a command was stopped after a worker wrote them.
+
+        Where that was for a store that does not answer, they stay there, as after SIGKILL, and the next build makes them again.
+        """
+        found = [path for path in map(self.episode, slots) if path.exists()]
+        for path in found:
+            remove(path)
+        with suppress(StoreError):
+            withdrawn(*found)
 
     def write_attempts(self, recipe: Recipe) -> pa.Table:
         """Gather all attempts of the filled slots into attempts.parquet, in the recipe's order."""

@@ -13,12 +13,26 @@ SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "oci", "oss", 
 """URLs that name a store."""
 
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/.*|(s3|gs|hf):.*", re.DOTALL)
 
 
 def url_of(text: str | Path) -> str | None:
-    """The URL of a store that a text is, also one that was taken for a path, None for a path."""
-    match = _URL.fullmatch(str(text))
-    return f"{match[1]}://{match[2].rstrip('/')}" if match else None
+    """The URL of a store that a text is, also one that was taken for a path, None for a path.
+
+    Raises StoreError, with the fix, for what looks like a URL and is none that a store can have.
+    """
+    match = _URL.fullmatch(str(text).rstrip("/"))
+    if match is None:
+        if _SCHEME.fullmatch(f"{text}/" if str(text).endswith(":") else str(text)):
+            known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+            raise StoreError(
+                f"{text}: is no URL that can be written to: choose {known}; or begin with / for a directory of that name"
+            )
+        return None
+    name = match[2]
+    if odd := next((sign for sign in "?#*[]" if sign in name), None) or (".." if ".." in name.split("/") else None):
+        raise StoreError(f"{match[1]}://{name}: has {odd!r} in it, which stores take for something else: name another place")
+    return f"{match[1]}://{name}"
 
 
 def mirrors() -> Path:

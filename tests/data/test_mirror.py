@@ -1,13 +1,16 @@
 """The directory that stands for a dataset on a store: what is fetched and when, what is sent, and what counts."""
 
 import os
+from pathlib import Path
 
 import pytest
 
 from pipeline.data.atomic import write_atomic
+from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
 from pipeline.data.mirror import Mirror, is_listed, is_new, mirror_of, mirrored, replaced, sent, withdrawn
 from pipeline.data.reading import read_regular
+from pipeline.data.recipe import Cell, Slot
 from pipeline.data.stamps import file_stamp
 from pipeline.data.store import StoreError
 from pipeline.data.urls import url_of, with_urls
@@ -152,7 +155,6 @@ def test_names_that_leave_the_mirror_are_no_files(url, tmp_path):
         ("hf://datasets/me/set", "hf://datasets/me/set"),
         ("out/set", None),
         ("C:/set", None),
-        ("http://host/set", None),
     ],
 )
 def test_urls_are_told_from_paths(text, found):
@@ -170,3 +172,33 @@ def test_paths_outside_of_mirrors_are_left_alone(tmp_path):
 def test_a_url_that_is_too_long_is_one_line(url):
     with pytest.raises(StoreError, match="too long"), mirrored(url + "/x" * 200):
         pass
+
+
+@pytest.mark.parametrize(
+    "text", ["s4://b/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"]
+)
+def test_what_looks_like_a_url_and_is_none_is_refused_in_one_line(text):
+    for given in (text, Path(text)):
+        with pytest.raises(StoreError) as refused:
+            url_of(given)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["out/a", "a:b/c", "./a:b", "/s4:/x", "C:/x", "s3", "out/s3:/x"])
+def test_what_does_not_look_like_a_url_is_a_path(text):
+    assert url_of(text) is None and url_of(Path(text)) is None
+
+
+def test_a_store_that_is_gone_when_a_build_is_stopped_hides_nothing(url, monkeypatch):
+    slot = Slot(Cell("click_bell", "aloha-agilex", 1, 0.1, "clean"), 0)
+    with mirrored(url) as root:
+        episode = Dataset(root).episode(slot)
+        write_atomic(episode, b"episode")
+        sent(episode)
+
+        def gone(*_):
+            raise StoreError("the connection is lost")
+
+        monkeypatch.setattr(Mirror, "delete", gone)
+        Dataset(root).withdraw([slot])
+        assert not episode.exists()
