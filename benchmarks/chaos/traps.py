@@ -127,7 +127,7 @@ class Control:
 def install(control: Control) -> None:
     """Have this process spring traps from now on."""
     flush, replace = os.fsync, os.replace
-    if getattr(replace, "trapped", False):
+    if replace.__module__ == __name__:  # they are there already
         return
 
     def fsync(file: int) -> None:
@@ -146,8 +146,7 @@ def install(control: Control) -> None:
         if control.springs(kind_of(Path(target)), "renamed"):
             die()
 
-    renaming.trapped = True  # type: ignore[attr-defined]
-    os.fsync, os.replace = fsync, renaming  # type: ignore[assignment]
+    os.__dict__.update(fsync=fsync, replace=renaming)
 
 
 def kind_of(path: Path) -> str:

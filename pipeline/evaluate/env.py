@@ -147,7 +147,7 @@ class DominoEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         over = bool(trial.ending)
         return self._observe(), reward, over and trial.ending != TIME_LIMIT, trial.ending == TIME_LIMIT, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The head camera's image (H,W,3) now, in the render mode "rgb_array"."""
         if self.render_mode is None or self._eyes is None:
             return None

@@ -9,6 +9,7 @@ StarVLA).
 File k of the data and file k of each video hold the same episodes.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.export.common import FAILURES, ExportError, Facts, exported_cameras, same, write_json
+from pipeline.export.common import ExportError, Facts, exported_cameras, same, write_json
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.lerobot_check import check_v3
 from pipeline.export.lerobot_encoded import EncodedFile, Known
@@ -32,10 +33,12 @@ from pipeline.export.lerobot_format import (
     data_columns,
     data_table,
     described_cameras,
+    description,
     episode_schema,
     features_of,
     image_key,
     modality,
+    split_of,
 )
 from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns, with_language
 from pipeline.export.lerobot_options import INDEX, LerobotOptions, datasets_of, index_row
@@ -68,9 +71,9 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
     version: str
 
+    @abstractmethod
     def writer(self, draft: Draft, root: Path, first: Facts, options: O) -> "Writer":
         """A writer of one dataset at `root`, whose episodes must be like the first."""
-        raise NotImplementedError
 
     def export(self, job: Job[O]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
@@ -109,7 +112,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         return [{"config_name": name.replace("/", "-"), "data_files": f"{name}/data/*/*.parquet"} for name in names]
 
 
-class Writer:
+class Writer(ABC):
     """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
 
     def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
@@ -142,9 +145,9 @@ class Writer:
         self.sampled += episode.encoded.sampled
         self.frames += len(episode.facts)
 
+    @abstractmethod
     def append(self, episode: Prepared) -> None:
         """Add an episode."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Finish the files that episodes go to."""
@@ -265,21 +268,6 @@ class V3Writer(Writer):
         }
         write_meta(self.root, info, list(self.tasks), stats, description(summary, self.first))
         return summary
-
-
-def split_of(first: Facts) -> str:
-    """Name of the split of a dataset whose first episode this is: failed attempts are no training data."""
-    return FAILURES if first.meta.failure else "train"
-
-
-def description(summary: dict[str, Any], first: Facts) -> str:
-    """A paragraph that says what a dataset holds, for its card."""
-    return (
-        f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']} Hz) of {first.spec.embodiment} "
-        "handling moving objects. `observation.state` is measured at the frame, `action` is the joint target commanded for the "
-        "interval after it. Poses are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the task, "
-        "level, speed and motion of every episode."
-    )
 
 
 @register

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
-from pipeline.export.common import Facts
+from pipeline.export.common import FAILURES, Facts
 from pipeline.export.provenance import SCALAR_TYPES
 from pipeline.export.script import script_of
 from pipeline.export.stats import Stats, vector_stats
@@ -210,6 +210,21 @@ def described_cameras(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
         for camera in facts.cameras
         if camera in known
     }
+
+
+def split_of(first: Facts) -> str:
+    """Name of the split of a dataset whose first episode this is: failed attempts are no training data."""
+    return FAILURES if first.meta.failure else "train"
+
+
+def description(summary: dict[str, Any], first: Facts) -> str:
+    """A paragraph that says what a dataset holds, for its card."""
+    return (
+        f"{summary['episodes']} simulated episodes ({summary['frames']} frames at {summary['fps']} Hz) of {first.spec.embodiment} "
+        "handling moving objects. `observation.state` is measured at the frame, `action` is the joint target commanded for the "
+        "interval after it. Poses are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the task, "
+        "level, speed and motion of every episode."
+    )
 
 
 class Tables:

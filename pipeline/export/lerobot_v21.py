@@ -19,9 +19,9 @@ import pyarrow.parquet as pq
 
 from pipeline.export.common import ExportError, Facts, exported_cameras, judging, read_facts, reading
 from pipeline.export.exporter import register
-from pipeline.export.lerobot import LerobotExporter, Writer, description, split_of
+from pipeline.export.lerobot import LerobotExporter, Writer
 from pipeline.export.lerobot_check import check_columns, check_described, check_features, check_images
-from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, image_key
+from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, description, image_key, split_of
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_card

@@ -93,7 +93,7 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 return seen, completion, False, False, info
         return seen, reward, terminated, truncated, {"is_success": False} | info
 
-    def render(self) -> NDArray[np.uint8]:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8]:
         """The first camera's image of the last observation."""
         return next(iter(self._last["pixels"].values()))
 

@@ -42,11 +42,11 @@ class LazyVector:
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """See VectorEnv."""
-        return self._ensure().call(name, *args, **kwargs)  # type: ignore[attr-defined]
+        return self._ensure().call(name, *args, **kwargs)
 
     def get_attr(self, name: str) -> Any:
         """See VectorEnv."""
-        return self._ensure().get_attr(name)  # type: ignore[attr-defined]
+        return self._ensure().get_attr(name)
 
     def close(self) -> None:
         """Close what was made; the next use makes it again."""
