@@ -8,6 +8,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +23,21 @@ SECONDS = 300.0
 
 
 @contextmanager
-def leased(store: Store, seconds: float = SECONDS) -> Iterator[None]:
+def leased(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
     """Hold the lease of a store. A process that is killed leaves it behind: the next one on the same machine takes it over at once,
-    one on another machine when it has run out.
+    one on another machine when it has run out. The event is set when that has happened to this lease: its machine slept, or the
+    store could not be reached for so long.
 
     Raises Busy where another process holds it, StoreError. Where a store cannot write an object only if it is not there, two
     processes that begin in the same moment both get it.
     """
     mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex}
     _take(store, mine, seconds)
-    ended = threading.Event()
-    keeper = threading.Thread(target=_keep, args=(store, mine, seconds, ended), daemon=True)
+    ended, lost = threading.Event(), threading.Event()
+    keeper = threading.Thread(target=_keep, args=(store, _Lease(mine, seconds, lost), ended), daemon=True)
     keeper.start()
     try:
-        yield
+        yield lost
     finally:
         ended.set()
         keeper.join()
@@ -60,11 +62,23 @@ def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
         raise Busy(f"{store.url}: another command has just begun to write it: wait until that has ended, or stop it")
 
 
-def _keep(store: Store, mine: dict[str, Any], seconds: float, ended: threading.Event) -> None:
-    """Renew the lease until it has ended. A store that cannot be reached stops the command elsewhere."""
-    while not ended.wait(seconds / 5):
+@dataclass(frozen=True)
+class _Lease:
+    """Whose lease it is, for how long, and whether it was taken over."""
+
+    mine: dict[str, Any]
+    seconds: float
+    lost: threading.Event
+
+
+def _keep(store: Store, lease: _Lease, ended: threading.Event) -> None:
+    """Renew the lease until it has ended or is another one's. A store that cannot be reached stops the command elsewhere."""
+    while not ended.wait(lease.seconds / 5):
         with suppress(StoreError, OSError):
-            store.write(LEASE, _said(mine, seconds))
+            if (held := _held(store)) and held.get("id") != lease.mine["id"]:
+                lease.lost.set()
+                return
+            store.write(LEASE, _said(lease.mine, lease.seconds))
 
 
 def _said(mine: dict[str, Any], seconds: float) -> bytes:

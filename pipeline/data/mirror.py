@@ -70,6 +70,8 @@ class Mirror:
         self.root = root
         self.url = unquote(root.name.partition("~")[0])
         self.store = Store(self.url)
+        self.lost = threading.Event()
+        """Whether another command has taken over the writing."""
 
     def name(self, path: Path) -> str:
         """The object that a file of the mirror stands for."""
@@ -110,6 +112,7 @@ class Mirror:
 
     def push(self, paths: Iterable[Path]) -> None:
         """Write those of some files that were written here to the store, all at once."""
+        self._check()
         _on_threads(self._push, [path for path in paths if is_new(path)])
 
     def push_all(self) -> None:
@@ -135,7 +138,12 @@ class Mirror:
         """Delete the objects of files, which are gone from the mirror."""
         names = [self.name(path) for path in paths]
         if names:
+            self._check()
             self.store.delete(names)
+
+    def _check(self) -> None:
+        if self.lost.is_set():
+            raise StoreError(f"{self.url}: another command has begun to write it, since this one did not answer for minutes")
 
     def _fetch(self, path: Path) -> None:
         # two threads may want the same file
@@ -234,7 +242,7 @@ def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
 
     What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
     """
-    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext():
+    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
         mirror.pull()
         try:
             yield mirror.root

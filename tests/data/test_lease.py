@@ -58,3 +58,13 @@ def test_a_lease_is_renewed_and_one_that_was_taken_over_is_left(store):
     with leased(store):
         left(store, until=time.time() + 100)
     assert json.loads(store.read(LEASE))["id"] == "x"
+
+
+def test_a_lease_of_another_command_is_never_written_over(store):
+    with leased(store, seconds=0.1) as lost:
+        assert not lost.is_set()
+        left(store, until=time.time() + 100)
+        assert lost.wait(5)
+        time.sleep(0.05)
+        assert json.loads(store.read(LEASE))["id"] == "x"
+    assert json.loads(store.read(LEASE))["id"] == "x"

@@ -202,3 +202,14 @@ def test_a_store_that_is_gone_when_a_build_is_stopped_hides_nothing(url, monkeyp
         monkeypatch.setattr(Mirror, "delete", gone)
         Dataset(root).withdraw([slot])
         assert not episode.exists()
+
+
+def test_a_command_whose_lease_was_taken_over_writes_no_more(url):
+    with pytest.raises(StoreError, match="another command has begun to write it"), mirrored(url) as root:
+        write_atomic(root / "a", b"a")
+        sent(root / "a")
+        Mirror(root).store.write(".writing.json", b"{}")
+        mirror_of(root).lost.set()
+        write_atomic(root / "b", b"b")
+        sent(root / "b")
+    assert sorted(Mirror(root).store.list()) == [".writing.json", "a"]
