@@ -15,10 +15,8 @@ Nothing that is only in a mirror counts: what the store lacks is removed when th
 """
 
 import fcntl
-import hashlib
 import os
 import re
-import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -29,24 +27,16 @@ from urllib.parse import quote, unquote
 
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.lease import LEASE, leased
-from pipeline.data.store import Listed, Store, StoreError
+from pipeline.data.mirror_files import is_listed, is_new, list_only, mark, state_of
+from pipeline.data.store import Store, StoreError
 from pipeline.data.urls import FOLDER, mirrors
 
-LISTED = stat.S_IWUSR
-"""Permissions of a file without its bytes."""
-
-_YEARS = 9 * 10**17  # ns: until 1998
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
 _LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
 _LONGEST = 240  # bytes; names of files have at most 255
-
-
-def mark(listed: Listed) -> int:
-    """Time of change (ns) of a file that is the same as an object: a number that is made from the object's identity."""
-    return int(hashlib.sha256(listed.identity.encode()).hexdigest()[:15], 16) % _YEARS
 
 
 def mirror_of(path: Path) -> "Mirror | None":
@@ -87,8 +77,8 @@ class Mirror:
         wanted = []
         for name, each in listed.items():
             path = self.root / name
-            if _state(path) != (each.size, mark(each)):
-                _list_only(path, each.size, mark(each))
+            if state_of(path) != (each.size, mark(each)):
+                list_only(path, each.size, mark(each))
             if _AT_ONCE.fullmatch(name) and is_listed(path):
                 wanted.append(path)
         self.fetch(wanted)
@@ -106,7 +96,7 @@ class Mirror:
         listed = self.store.stat(self.name(path))
         if listed is None:
             return False
-        _list_only(path, listed.size, mark(listed))
+        list_only(path, listed.size, mark(listed))
         self._fetch(path)
         return True
 
@@ -129,7 +119,7 @@ class Mirror:
         if not is_new(path) and not is_listed(path):
             temporary = temporary_name(path)
             try:
-                _list_only(temporary, state.st_size, state.st_mtime_ns)
+                list_only(temporary, state.st_size, state.st_mtime_ns)
                 os.replace(temporary, path)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -166,23 +156,6 @@ class Mirror:
     def _files(self) -> Iterator[Path]:
         for folder, _, names in os.walk(self.root):
             yield from (Path(folder, name) for name in names)
-
-
-def is_listed(path: Path) -> bool:
-    """Whether a file of a mirror is listed only."""
-    try:
-        return stat.S_IMODE(path.stat().st_mode) == LISTED
-    except FileNotFoundError:
-        return False
-
-
-def is_new(path: Path) -> bool:
-    """Whether a file was written here since it was last the same as its object."""
-    try:
-        state = path.stat()
-    except FileNotFoundError:
-        return False
-    return stat.S_ISREG(state.st_mode) and state.st_mtime_ns >= _YEARS
 
 
 def fetched(path: Path) -> bool:
@@ -280,28 +253,6 @@ def _plain(name: str) -> bool:
     """Whether an object's name can be a path below a directory."""
     parts = PurePosixPath(name).parts
     return bool(parts) and ".." not in parts and not name.startswith("/") and "\0" not in name and str(PurePosixPath(name)) == name
-
-
-def _state(path: Path) -> tuple[int, int] | None:
-    try:
-        state = path.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    return (state.st_size, state.st_mtime_ns) if stat.S_ISREG(state.st_mode) else None
-
-
-def _list_only(path: Path, size: int, time: int) -> None:
-    """Put a file without bytes at a path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if os.path.lexists(path):
-        remove(path)
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, LISTED)
-    try:
-        os.ftruncate(descriptor, size)
-        os.fchmod(descriptor, LISTED)
-        os.utime(descriptor, ns=(time, time))
-    finally:
-        os.close(descriptor)
 
 
 def _on_threads(work: Callable[[Path], None], paths: list[Path]) -> None:

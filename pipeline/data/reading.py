@@ -8,7 +8,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from pipeline.data.mirror import LISTED, fetched
+from pipeline.data.mirror import fetched
+from pipeline.data.mirror_files import LISTED
 
 IRREGULAR = "is no regular file; remove it"
 """What is said of a directory, pipe, socket or device in place of a file."""

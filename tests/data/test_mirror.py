@@ -8,7 +8,8 @@ import pytest
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
-from pipeline.data.mirror import Mirror, is_listed, is_new, mirror_of, mirrored, replaced, sent, withdrawn
+from pipeline.data.mirror import Mirror, mirror_of, mirrored, replaced, sent, withdrawn
+from pipeline.data.mirror_files import is_listed, is_new
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe import Cell, Slot
 from pipeline.data.stamps import file_stamp

@@ -6,7 +6,8 @@ import signal
 import time
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.mirror import Mirror, is_listed, mirrored
+from pipeline.data.mirror import Mirror, mirrored
+from pipeline.data.mirror_files import is_listed
 from pipeline.data.urls import CACHE
 from pipeline.run import running
 from pipeline.run.names import recipe_from
