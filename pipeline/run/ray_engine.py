@@ -17,7 +17,7 @@ from ray.exceptions import RayError, RayTaskError
 
 from pipeline.data.errors import DominoError
 from pipeline.run.guard import children_named
-from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool
+from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool, settle
 from pipeline.run.ray_session import session
 
 _START_SECONDS = 300.0
@@ -101,6 +101,7 @@ class _Process:
         except DominoError as error:
             raise EngineError(f"node {name}: {error}") from None
         self._work = make()
+        settle()
         return _Place(ray.get_runtime_context().get_node_id(), os.getpid(), name, facts)
 
     def do(self, job: Any) -> Any:

@@ -1,5 +1,6 @@
 """The engine on fake work: every job ends once, whatever becomes of its worker."""
 
+import gc
 import os
 import signal
 import time
@@ -28,6 +29,10 @@ def ray_session() -> Iterator[None]:
 
 def doubled() -> Callable[[int], int]:
     return lambda job: 2 * job
+
+
+def frozen_objects() -> Callable[[int], int]:
+    return lambda _: gc.get_freeze_count()
 
 
 def named_process() -> Callable[[int], tuple[int, int]]:
@@ -112,6 +117,16 @@ def test_losing_worker_after_worker_without_an_end_stops_the_run():
 
 
 # --- on workers -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("ray_session")
+@pytest.mark.parametrize("pool", [Pool(), Pool("ray", 1)], ids=["inline", "ray"])
+def test_what_the_work_stands_on_is_out_of_garbage_collection_while_it_runs_and_no_longer(pool: Pool):
+    before = gc.get_freeze_count()
+    (end,) = run(frozen_objects, deque([0]), pool, LONG)
+    assert isinstance(end, Done)
+    assert end.result > 10_000 + before
+    assert gc.get_freeze_count() <= before
 
 
 @pytest.mark.usefixtures("ray_session")
