@@ -158,6 +158,7 @@ class Train(_Part):
     keep: Annotated[int, Field(ge=1)] = 2
     """Checkpoints that stay."""
     trackers: tuple[Literal["tensorboard", "wandb"], ...] = ()
+    """Who is told the rows of the log besides; TensorBoard's files are in the run's directory, under `puma/`."""
 
 
 class Execute(_Part):

@@ -1,21 +1,43 @@
-"""The network and its optimiser over several processes: copies (DDP), or weights, gradients and states of AdamW in shares (FSDP 2).
+"""The network and its optimiser over one or several processes: copies (DDP), or weights, gradients and states of AdamW in shares
+(FSDP 2).
 
 Weights, gradients and states of AdamW in float32 are 16 bytes a weight, 64 GB for 4 billion: a card of 80 GB holds a copy of 2
 billion, or of 4 billion with adapters; more needs shares.
 """
 
+from pathlib import Path
+from typing import Any
+
 import torch
-from accelerate import Accelerator
+from accelerate import Accelerator, DistributedType
 from torch import Tensor, distributed, nn
 from torch.distributed.device_mesh import init_device_mesh
 from torch.distributed.fsdp import FSDPModule, fully_shard
 from torch.distributed.tensor import DTensor, distribute_tensor
 
+from training.puma import trackers
 from training.puma.config import Train
 from training.puma.errors import TrainError
 
 LAYERS = "language_model.layers."
 """Where the layers stand that are gathered one by one; what else there is, is gathered once a step."""
+
+
+def started(settings: Train, out: Path) -> Accelerator:
+    """The processes of this run, and its trackers, which write below `out` where they write files.
+
+    Raises TrainError where accelerate is configured for what is not done here, and for a tracker that is not installed.
+    """
+    trackers.check(settings.trackers)
+    told: list[Any] = [*settings.trackers]
+    on_cpu = not torch.cuda.is_available()
+    accelerator = Accelerator(mixed_precision=settings.precision, cpu=on_cpu, log_with=told or None, project_dir=str(out))
+    if accelerator.distributed_type not in (DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU):
+        found = accelerator.distributed_type.value
+        raise TrainError(
+            f"accelerate is configured for {found}: configure one or several processes, and set train.parallel to shard"
+        )
+    return accelerator
 
 
 def share_out(network: nn.Module, accelerator: Accelerator, settings: Train) -> None:

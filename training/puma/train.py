@@ -10,19 +10,19 @@ from typing import Any
 
 import torch
 import yaml
-from accelerate import Accelerator, DistributedType
+from accelerate import Accelerator
 from torch import nn
 from tqdm import tqdm
 
 from pipeline.data.atomic import sweep, write_atomic
-from training.puma import card, checkpoint
+from training.puma import card, checkpoint, trackers
 from training.puma.config import Config, Train, parse_config
 from training.puma.data import Corpus, open_corpus
 from training.puma.errors import TrainError
 from training.puma.flops import peak_flops, step_flops
 from training.puma.loader import Batch, Loader, Share, validation_batches
 from training.puma.model.puma import Puma, Sizes, build_model
-from training.puma.parallel import in_shares, prepared, share_out, whole
+from training.puma.parallel import in_shares, prepared, share_out, started, whole
 
 LOG = "log.jsonl"
 
@@ -55,14 +55,10 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
 
     Raises TrainError for bad input, and for a directory that holds a run of another configuration.
     """
-    accelerator = Accelerator(mixed_precision=config.train.precision, cpu=not torch.cuda.is_available())
-    if accelerator.distributed_type not in (DistributedType.NO, DistributedType.MULTI_CPU, DistributedType.MULTI_GPU):
-        found = accelerator.distributed_type.value
-        raise TrainError(
-            f"accelerate is configured for {found}: configure one or several processes, and set train.parallel to shard"
-        )
+    accelerator = started(config.train, out)
     main = accelerator.is_main_process
     _claim(config, out, main)
+    trackers.begin(accelerator, config)
     corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
     if config.train.start is not None:
         corpus = _as_before(corpus, checkpoint.load(config.train.start))
@@ -104,6 +100,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     finally:
         bar.close()
         loader.close()
+        trackers.end(accelerator)
     return Result(checkpoint.newest(out), rows)
 
 
@@ -204,9 +201,10 @@ class _Run:
         return shown | {"MFU %": f"{100 * mfu:.0f}"}
 
     def log(self, row: Mapping[str, Any]) -> None:
-        """Append to the log."""
+        """Append to the log, and tell the trackers."""
         with (self.out / LOG).open("a") as file:
             file.write(json.dumps(row) + "\n")
+        self.accelerator.log({name: value for name, value in row.items() if name != "step"}, step=row["step"])
 
     def save(self, step: int, batch: Batch) -> None:
         """Write a checkpoint."""
