@@ -4,7 +4,7 @@
     domino-data export DATA --format parquet
     domino-data annotate DATA --stages flow
     domino-data annotate DATA --stages masks --mask-source sim
-    python -m benchmarks.puma_study run --data DATA --out OUT [--seeds 1,2,3] [--configs ...] [--steps 1500] [--episodes 20]
+    python -m benchmarks.puma_study run --data DATA --out OUT [--seeds 1,2,3] [--configs ...] [--steps 2000] [--episodes 20]
     python -m benchmarks.puma_study page --out OUT
 
 `run` trains and evaluates one configuration after the other, all of a seed before the next seed, and goes on where it was stopped.
@@ -168,7 +168,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", default="1,2,3")
     parser.add_argument("--configs", default=",".join(CONFIGS))
-    parser.add_argument("--steps", type=int, default=1500)
+    parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--episodes", type=int, default=20)
     given = parser.parse_args()
     if given.what == "page":

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.expert.budgets import TIMING
 from pipeline.expert.skills import close, press
 from pipeline.poses import quat_rotate
 from tests.expert.simulated import actor_among, body
@@ -15,7 +16,7 @@ def test_a_press_ends_at_the_touch_and_leaves_the_target_standing(family: str) -
         actor.perform(skill)
     touched = next(event.time for event in actor.simulation.events if event.name == "meeting")
     # on the way down until the touch is seen, then at rest for as long as fingertips stay on what they press
-    assert actor.simulation.time - touched < 0.1 + 0.1
+    assert actor.simulation.time - touched < TIMING.press + 0.1
     tip = actor.tcp("right")[2]
     actor.wait(0.5)
     assert actor.tcp("right")[2] == pytest.approx(tip)
