@@ -43,8 +43,7 @@ def cells(task: str) -> Iterator[Cell]:
 
 
 def groups(task: str) -> Iterator[Group]:
-    """What is run for one task. Contact rules differ in tracking tasks only: a gripper always stops what it holds. Targets that go
-    on are late at 0.1 m/s only."""
+    """What is run for one task. Contact rules differ in tracking tasks only: a gripper always stops what it holds."""
     for cell in cells(task):
         tries = [(policy, "sim") for policy in POLICIES if policy != "random" or (cell.level < 2 and cell.alpha == 0.1)]
         if cell.level == 1:
@@ -52,7 +51,7 @@ def groups(task: str) -> Iterator[Group]:
         if cell.level == 1 and cell.alpha == 0.1:
             tries += [(interceptor(chunk), latency(ms)) for chunk in CHUNKS for ms in LATENCY[1:]]
         yield Group(cell, tuple(tries))
-        if cell.level == 1 and cell.alpha == 0.1 and TASKS[task].category == "tracking":
+        if cell.level == 1 and TASKS[task].category == "tracking":
             yield Group(cell, tuple(("replay", late(ms)) for ms in LATE), GOES_ON)
 
 
