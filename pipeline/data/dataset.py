@@ -19,6 +19,7 @@ from pipeline.data.keys import file_hash
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import Ledger
 from pipeline.data.mirror import sent, withdrawn
+from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
@@ -49,7 +50,7 @@ class Dataset:
     @property
     def manifest(self) -> Path:
         """The frozen recipe."""
-        return self.root / "manifest.yaml"
+        return self.root / MANIFEST
 
     @property
     def attempts(self) -> Path:

@@ -28,6 +28,7 @@ from urllib.parse import quote, unquote
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.lease import LEASE, leased
 from pipeline.data.mirror_files import is_listed, is_new, list_only, mark, state_of
+from pipeline.data.names import MANIFEST
 from pipeline.data.store import Store, StoreError
 from pipeline.data.urls import FOLDER, mirrors
 
@@ -215,18 +216,20 @@ def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
 
     What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
     """
-    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
-        mirror.pull()
-        try:
-            yield mirror.root
-        except StoreError:
-            raise
-        except BaseException:
+    with _free(url) as mirror:
+        mirror.store.reach(MANIFEST)
+        with leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
+            mirror.pull()
+            try:
+                yield mirror.root
+            except StoreError:
+                raise
+            except BaseException:
+                if writes:
+                    mirror.push_all()
+                raise
             if writes:
                 mirror.push_all()
-            raise
-        if writes:
-            mirror.push_all()
 
 
 @contextmanager

@@ -5,8 +5,10 @@ the connection does is repeated a few times, with growing pauses. What cannot be
 """
 
 import errno
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -21,10 +23,14 @@ EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 PAUSES = (1.0, 2.0, 4.0, 8.0)
 """Seconds between the tries of a request; each of them repeats what its library repeats by itself."""
 
+ANSWER = 8.0
+"""Seconds that a command waits for the first answer of a store."""
+
 _IDENTITIES = ("ETag", "etag", "md5Hash", "blob_id", "LastModified", "last_modified", "updated", "mtime", "created")
 """What file systems call that which changes when a file does, the best first."""
 
 _BATCH = 1000
+_AGAIN = "check the network and the endpoint, and the same command goes on"
 _LOCAL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ENOTCONN, errno.ESTALE, errno.EIO)
 _PASSING = (errno.EBUSY, getattr(errno, "EREMOTEIO", errno.EIO))
 _LOST = {"ConnectionError", "TimeoutError", "HTTPClientError", "ClientConnectionError", "ClientPayloadError", "TransportError"}
@@ -54,6 +60,7 @@ class Store:
 
     def __init__(self, url: str, pauses: Sequence[float] = PAUSES) -> None:
         self.url, self._pauses = url.rstrip("/"), pauses
+        self._failed: Exception | None = None
 
     @cached_property
     def _at(self) -> tuple[Any, str]:
@@ -67,6 +74,27 @@ class Store:
             fix = f"pip install 'domino-data[{extra}]'" if extra else "install the package that fsspec names"
             raise StoreError(f"{self.url}: {_line(error)}: {fix}") from error
         return fs, path.rstrip("/")
+
+    def reach(self, name: str, seconds: float = ANSWER) -> bytes | None:
+        """As `read`, for a command's first request: raises StoreError, which names the server, where it does not answer in time,
+        however long the library of the store would go on to try."""
+        answer = Future[bytes | None]()
+
+        def ask() -> None:
+            try:
+                answer.set_result(self._do("open", "", lambda fs, root: _cat(fs, f"{root}/{name}")))
+            except (StoreError, OSError) as error:
+                answer.set_exception(error)
+
+        # none of a pool, which would be waited for when the process ends
+        threading.Thread(target=ask, daemon=True).start()
+        try:
+            return answer.result(seconds)
+        except TimeoutError as error:
+            server = _server(self.__dict__.get("_at", (None,))[0])
+            last = f" ({_line(self._failed)})" if self._failed else ""
+            said = f"{server} has not answered for {seconds:.0f} s: {_AGAIN}{last}"
+            raise StoreError(f"cannot open {self.url}: {said}") from error
 
     def list(self) -> dict[str, Listed]:
         """Every object, by name; none where there is nothing yet."""
@@ -96,14 +124,7 @@ class Store:
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a small object, None where there is none."""
-
-        def cat(fs: Any, root: str) -> bytes | None:
-            try:
-                return fs.cat_file(f"{root}/{name}")
-            except FileNotFoundError:
-                return None
-
-        return self._do("read", name, cat)
+        return self._do("read", name, lambda fs, root: _cat(fs, f"{root}/{name}"))
 
     def put(self, path: Path, name: str) -> Listed:
         """Write a file of this machine as an object, replacing one of that name; what is known of it then."""
@@ -159,8 +180,26 @@ class Store:
                     raise
                 if pause is None or not _passes(error):
                     raise StoreError(f"cannot {what} {url}: {_why(error)}") from error
+                self._failed = error
             time.sleep(pause)
         raise AssertionError("the last try returns or raises")
+
+
+def _cat(fs: Any, path: str) -> bytes | None:
+    """The bytes of an object, None where there is none in a bucket that is there."""
+    try:
+        return fs.cat_file(path)
+    except FileNotFoundError as error:
+        if _names(error) & _ABSENT:
+            raise
+        return None
+
+
+def _server(fs: Any) -> str:
+    """The address of a store's server, as far as its library says it."""
+    client = getattr(getattr(fs, "_s3", None), "meta", None)
+    found = (getattr(client, "endpoint_url", None), *(getattr(fs, name, None) for name in ("endpoint_url", "endpoint", "host")))
+    return next((each for each in found if isinstance(each, str) and each), "the server")
 
 
 def _delete(fs: Any, paths: list[str]) -> None:
@@ -213,7 +252,7 @@ def _why(error: BaseException) -> str:
         (_ANONYMOUS, "there are no credentials for it: set them as its library wants them (docs/storage.md)"),
         (_WRONG, "the credential is not accepted: check it, and the same command goes on"),
         (_ABSENT, "there is no such bucket or repository: make it first, or name another"),
-        (_LOST, "the connection is lost or refused: check the network and the endpoint, and the same command goes on"),
+        (_LOST, f"the connection is lost or refused: {_AGAIN}"),
         ({"PermissionError", "403"}, "the credential lacks the permission: grant it, and the same command goes on"),
     ):
         if names & known:
