@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
+from itertools import count
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote, unquote
 
@@ -211,22 +212,25 @@ def replaced(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
+def mirrored(url: str, writes: bool = True, made: bool = False) -> Iterator[Path]:
     """A directory with what is below a URL, for one command, which may be one of several at the same time.
 
-    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
+    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again. A
+    directory in which nothing is then, and one of no dataset where the block fails, is removed. Raises StoreError, before anything
+    is fetched, where there is no dataset and there must be one that is `made`.
     """
     with _free(url) as mirror:
-        mirror.store.reach(MANIFEST)
+        if mirror.store.reach(MANIFEST) is None and made:
+            raise StoreError(f"{url} is no dataset: it has no {MANIFEST}")
         with leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
             mirror.pull()
             try:
                 yield mirror.root
-            except StoreError:
-                raise
-            except BaseException:
-                if writes:
+            except BaseException as error:
+                if writes and not isinstance(error, StoreError):
                     mirror.push_all()
+                if not os.path.lexists(mirror.root / MANIFEST):
+                    remove(mirror.root)
                 raise
             if writes:
                 mirror.push_all()
@@ -238,18 +242,36 @@ def _free(url: str) -> Iterator[Mirror]:
     name = quote(url, safe="")
     if len(name) > _LONGEST:
         raise StoreError(f"{url}: is too long to be a dataset's URL: name a shorter one")
-    number, folder = 0, mirrors()
+    folder = mirrors()
     folder.mkdir(parents=True, exist_ok=True)
-    while True:
+    for number in count():
         root = folder / (f"{name}~{number}" if number else name)
-        with open(folder / f"{root.name}.lock", "ab") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                number += 1
-                continue
-            yield _mirror(root)
+        with _locked(root) as mine:
+            if mine:
+                yield _mirror(root)
+                return
+
+
+@contextmanager
+def _locked(root: Path) -> Iterator[bool]:
+    """Whether this command alone may use a mirror until the block ends. One that is then empty is removed."""
+    path = root.with_name(f"{root.name}.lock")
+    with open(path, "ab") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
             return
+        # whoever had it may have removed it meanwhile, and another one made it anew
+        if not path.exists() or not os.path.samestat(os.fstat(lock.fileno()), path.stat()):
+            yield False
+            return
+        try:
+            yield True
+        finally:
+            if not any(names for _, _, names in os.walk(root)):
+                remove(root)
+                path.unlink(missing_ok=True)
 
 
 def _plain(name: str) -> bool:

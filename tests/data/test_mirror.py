@@ -214,3 +214,39 @@ def test_a_command_whose_lease_was_taken_over_writes_no_more(url):
         write_atomic(root / "b", b"b")
         sent(root / "b")
     assert sorted(Mirror(root).store.list()) == [".writing.json", "a"]
+
+
+def kept(tmp_path):
+    return sorted(path.name for path in (tmp_path / "cache" / "mirrors").iterdir())
+
+
+@pytest.mark.parametrize("writes", [True, False])
+def test_a_place_without_a_dataset_leaves_no_mirror(url, tmp_path, writes, monkeypatch):
+    fill(url)
+    monkeypatch.setattr(Mirror, "pull", lambda self: pytest.fail("nothing is to be fetched"))
+    before = kept(tmp_path)
+    for wrong in (f"{url}2", url.removesuffix("/set")):
+        said = rf"^{wrong} is no dataset: it has no manifest.yaml$"
+        with pytest.raises(StoreError, match=said), mirrored(wrong, writes, made=True):
+            pytest.fail("there is nothing to work on")
+    assert kept(tmp_path) == before
+    assert mirror_of(Path(tmp_path / "cache/mirrors" / before[0])).store.stat(".writing.json") is None
+
+
+def test_a_command_that_makes_nothing_leaves_no_mirror(url, tmp_path):
+    with mirrored(url) as root:
+        (root / "episodes").mkdir()
+    assert kept(tmp_path) == []
+    with pytest.raises(ValueError), mirrored(url) as root:
+        write_atomic(root / "episodes/e", b"e")
+        raise ValueError
+    assert kept(tmp_path) == []
+
+
+def test_a_mirror_that_another_command_uses_stays(url, tmp_path):
+    with mirrored(url) as a:
+        with mirrored(url, writes=False):
+            pass
+        assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
+        write_atomic(a / "manifest.yaml", b"")
+    assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
