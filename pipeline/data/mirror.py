@@ -14,7 +14,6 @@ A mirror says by its name what it mirrors, so that any process on any machine kn
 Nothing that is only in a mirror counts: what the store lacks is removed when the next command pulls.
 """
 
-import fcntl
 import os
 import re
 import threading
@@ -22,23 +21,22 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
-from itertools import count
 from pathlib import Path, PurePosixPath
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.lease import LEASE, leased
 from pipeline.data.mirror_files import is_listed, is_new, list_only, mark, state_of
+from pipeline.data.mirror_places import free_place
 from pipeline.data.names import MANIFEST
 from pipeline.data.store import Store, StoreError
-from pipeline.data.urls import FOLDER, mirrors
+from pipeline.data.urls import FOLDER
 
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
 _LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
-_LONGEST = 240  # bytes; names of files have at most 255
 
 
 def mirror_of(path: Path) -> "Mirror | None":
@@ -219,7 +217,8 @@ def mirrored(url: str, writes: bool = True, made: bool = False) -> Iterator[Path
     directory in which nothing is then, and one of no dataset where the block fails, is removed. Raises StoreError, before anything
     is fetched, where there is no dataset and there must be one that is `made`.
     """
-    with _free(url) as mirror:
+    with free_place(url) as place:
+        mirror = _mirror(place)
         if mirror.store.reach(MANIFEST) is None and made:
             raise StoreError(f"{url} is no dataset: it has no {MANIFEST}")
         with leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
@@ -234,44 +233,6 @@ def mirrored(url: str, writes: bool = True, made: bool = False) -> Iterator[Path
                 raise
             if writes:
                 mirror.push_all()
-
-
-@contextmanager
-def _free(url: str) -> Iterator[Mirror]:
-    """The first mirror of a URL that no other command uses."""
-    name = quote(url, safe="")
-    if len(name) > _LONGEST:
-        raise StoreError(f"{url}: is too long to be a dataset's URL: name a shorter one")
-    folder = mirrors()
-    folder.mkdir(parents=True, exist_ok=True)
-    for number in count():
-        root = folder / (f"{name}~{number}" if number else name)
-        with _locked(root) as mine:
-            if mine:
-                yield _mirror(root)
-                return
-
-
-@contextmanager
-def _locked(root: Path) -> Iterator[bool]:
-    """Whether this command alone may use a mirror until the block ends. One that is then empty is removed."""
-    path = root.with_name(f"{root.name}.lock")
-    with open(path, "ab") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            yield False
-            return
-        # whoever had it may have removed it meanwhile, and another one made it anew
-        if not path.exists() or not os.path.samestat(os.fstat(lock.fileno()), path.stat()):
-            yield False
-            return
-        try:
-            yield True
-        finally:
-            if not any(names for _, _, names in os.walk(root)):
-                remove(root)
-                path.unlink(missing_ok=True)
 
 
 def _plain(name: str) -> bool:

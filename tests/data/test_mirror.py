@@ -8,8 +8,10 @@ import pytest
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
+from pipeline.data.lock import Busy
 from pipeline.data.mirror import Mirror, mirror_of, mirrored, replaced, sent, withdrawn
 from pipeline.data.mirror_files import is_listed, is_new
+from pipeline.data.mirror_places import forget
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe import Cell, Slot
 from pipeline.data.stamps import file_stamp
@@ -250,3 +252,20 @@ def test_a_mirror_that_another_command_uses_stays(url, tmp_path):
         assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
         write_atomic(a / "manifest.yaml", b"")
     assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
+
+
+def test_the_mirrors_of_a_url_are_listed_and_removed_unless_they_are_used(url, tmp_path):
+    root = fill(url)
+    with mirrored(url, writes=False):
+        with mirrored(url, writes=False) as second:
+            pass
+        with pytest.raises(Busy, match=rf"^{url}: another command on this machine is at work"):
+            forget(url)
+    neighbour = fill(f"{url}2")
+    before = kept(tmp_path)
+    assert [place.path for place in forget(url, dry_run=True)] == [str(root), str(second)] and kept(tmp_path) == before
+    one, other = forget(url)
+    assert one.size == 2 * other.size  # of four small files the second mirror has but two, the others are listed only
+    assert kept(tmp_path) == [neighbour.name, f"{neighbour.name}.lock"] and forget(url) == []
+    with mirrored(url, writes=False) as again:
+        assert again == root and (root / "manifest.yaml").read_bytes() == b"manifest.yaml"
