@@ -41,6 +41,12 @@ FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger",
 """Directories of a dataset."""
 
 
+def missed(paths: Sequence[Path]) -> str:
+    """One line on finished episodes that are missing."""
+    many = f"{len(paths)} episodes are" if len(paths) > 1 else "an episode is"
+    return f"{many} finished by the ledger and missing, first {paths[0]}; the build command of this dataset makes them anew"
+
+
 class Dataset:
     """Paths and ledger of one dataset directory. Paths are made from the recipe's slots, whose names are plain names."""
 
@@ -200,6 +206,12 @@ class Dataset:
         found = self.present(self.entries(recipe, ()))
         return [self.episode(slot) for slot, accepted in zip(found.slots, found.accepted, strict=True) if accepted]
 
+    def missing(self, recipe: Recipe) -> list[Path]:
+        """Files of the episodes that the ledger calls finished and that are not there, in the recipe's order."""
+        entries = self.entries(recipe, ())
+        gone = entries.kept(np.array(entries.accepted, bool) & ~Files(self.episodes).listed(entries))
+        return [self.episode(slot) for slot in gone.slots]
+
     def intact(self, slot: Slot, record: SlotRecord) -> bool:
         """Whether a slot's episode is there with the bytes that its ledger entry names. Raises PermissionError."""
         return self.hashed(slot, record.sha256)
@@ -231,7 +243,10 @@ class Dataset:
             raise DatasetError(f"{self.episodes / episode}: {CHANGED}")
 
     def intact_episodes(self, recipe: Recipe) -> list[Path]:
-        """As `accepted`, after reading every file. Raises DatasetError for those that cannot be read or are not the ledger's."""
+        """As `accepted`, after reading every file. Raises DatasetError for those that are missing, cannot be read or are not the
+        ledger's."""
+        if missing := self.missing(recipe):
+            raise DatasetError(missed(missing))
         entries = self.present(self.entries(recipe, ()))
         pairs = zip(entries.slots, entries.table["sha256"].to_pylist(), strict=True)
         found = [(slot, sha256) for slot, sha256 in pairs if sha256]
