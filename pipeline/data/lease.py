@@ -9,6 +9,7 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def leased(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
     Raises Busy where another process holds it, StoreError. Where a store cannot write an object only if it is not there, two
     processes that begin in the same moment both get it.
     """
-    mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex}
+    mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex, "since": time.time()}
     _take(store, mine, seconds)
     ended, lost = threading.Event(), threading.Event()
     keeper = threading.Thread(target=_keep, args=(store, _Lease(mine, seconds, lost), ended), daemon=True)
@@ -52,11 +53,7 @@ def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
         return
     held = _held(store)
     if held is not None and not _over(held):
-        left = max(1, round(held["until"] - time.time()))
-        raise Busy(
-            f"{store.url}: another command is writing it (process {held['process']} on {held['host']}): wait until that has ended, "
-            f"or stop it; if it was killed, the same command works in {left} s"
-        )
+        raise Busy(f"{store.url}: {_whose(held)}")
     store.delete([LEASE])
     if not store.create(LEASE, said):
         raise Busy(f"{store.url}: another command has just begun to write it: wait until that has ended, or stop it")
@@ -82,15 +79,38 @@ def _keep(store: Store, lease: _Lease, ended: threading.Event) -> None:
 
 
 def _said(mine: dict[str, Any], seconds: float) -> bytes:
-    return json.dumps(mine | {"until": time.time() + seconds}).encode()
+    now = time.time()
+    return json.dumps(mine | {"renewed": now, "until": now + seconds}).encode()
+
+
+def _whose(held: dict[str, Any]) -> str:
+    """Who writes, since when, and when the lease lapses if that process is dead. Older versions do not say since when."""
+    now = time.time()
+    since = f" since {_clock(held['since'])}" if "since" in held else ""
+    renewed = f", last renewed {max(0, round(now - held['renewed']))} s ago" if "renewed" in held else ""
+    lapse = f"at {_clock(held['until'])}, in {max(1, round(held['until'] - now))} s"
+    if held["host"] == socket.gethostname():
+        lapse = "at once, since it is on this machine"
+    who = f"process {held['process']} on {held['host']}{renewed}"
+    return (
+        f"another command is writing it{since} ({who}): wait until that has ended, or stop it; "
+        f"should that process be dead, its lease lapses {lapse}"
+    )
+
+
+def _clock(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
 def _held(store: Store) -> dict[str, Any] | None:
     """Who holds the lease; None where nobody does, or nobody can tell."""
     try:
         values = json.loads(store.read(LEASE) or b"")
-        return values | {"until": float(values["until"]), "process": int(values["process"]), "host": str(values["host"])}
-    except (ValueError, TypeError, KeyError):
+        times = {name: float(values[name]) for name in {"since", "renewed"} & set(values) | {"until"}}
+        for each in times.values():
+            _clock(each)  # refuses what is no time
+        return values | times | {"process": int(values["process"]), "host": str(values["host"])}
+    except (ValueError, TypeError, KeyError, OverflowError, OSError):
         return None
 
 
