@@ -85,6 +85,16 @@ def test_what_differs_is_named_with_its_reason(tmp_path):
     assert (code, len(json.loads(out)["differ"])) == (1, 3)
 
 
+def test_what_a_recipe_does_not_have_is_no_damage(tmp_path):
+    fewer = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 2})
+    a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0}, fewer)
+    first, second, third = RECIPE.slots()
+    assert diff(a, b)["why"] == {"is there in A, is not finished in B": 1, "not wanted by B, is there in A": 1}
+    code, out, _ = inside("diff", b.root, a.root)
+    assert code == 1 and f"{third.path}: not wanted by A, is there in B\n" in out
+    assert f"{second.path}: is not finished in A, is there in B\n" in out and first.path not in out
+
+
 # --- merge ------------------------------------------------------------------------------------------------------------------
 
 

@@ -59,7 +59,8 @@ class Job:
 
 
 def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -> dict[str, Any]:
-    """Check every file of a dataset. Returns {"ok", "episodes", "open", "checks": [...], "meeting": {task: medians}}.
+    """Check every file of a dataset. Returns {"ok", "problems", "episodes", "open", "checks": [...], "meeting": {task: medians}}:
+    how many problems there are, episodes without one, and slots that were not tried yet.
 
     Slots that were not tried yet are no problem, and nothing of them is counted as checked. Raises DatasetError for a directory
     that is no dataset, EngineError where workers cannot be started or do not last.
@@ -104,7 +105,9 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     medians = _medians(sound)
     _summarise_meetings(tally, medians)
     checks = [check.as_dict() for check in tally.checks.values()]
-    return {"ok": all(c["ok"] for c in checks), "episodes": len(sound), "open": waiting, "checks": checks, "meeting": medians}
+    problems = sum(len(c["problems"]) for c in checks)
+    counts = {"ok": not problems, "problems": problems, "episodes": len(sound), "open": waiting}
+    return counts | {"checks": checks, "meeting": medians}
 
 
 def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged]:
