@@ -12,12 +12,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, remove, write_atomic
+from pipeline.data.columns import single
 from pipeline.data.entries import Entries, Files
 from pipeline.data.errors import DominoError
 from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import Ledger
+from pipeline.data.ledger_lookup import Lookup
+from pipeline.data.ledger_table import ONE
 from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_regular, parse_json, read_regular
@@ -103,6 +106,9 @@ class Dataset:
 
     def kept_failures(self, recipe: Recipe) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Files of the failed attempts that the ledger says are kept, in the recipe's order, with the rows of these attempts."""
+        kept = single(self.entries(recipe, (f"{ONE}kept",)).table["attempts"]).flatten().field("kept")
+        if not any(kept.unique().to_pylist()):
+            return  # most datasets keep none, and full entries take time
         for slot, record in self.records(recipe):
             for row in record.attempts:
                 if row.get("kept"):
@@ -185,7 +191,7 @@ class Dataset:
 
     def record(self, slot: Slot) -> SlotRecord | None:
         """The ledger entry of a slot, or None where there is none or it is damaged; for many slots, `records`. Raises OSError."""
-        return self.ledger.record(slot.path)
+        return Lookup(self.ledger).record(slot.path)
 
     def entries(self, recipe: Recipe, columns: Sequence[str] | None = None) -> Entries:
         """The ledger of the recipe's slots as it is now, of all columns or some. Raises OSError."""
@@ -232,7 +238,7 @@ class Dataset:
         """
         if not (self.root / "ledger").is_dir():
             return
-        record = self.ledger.record(episode.with_suffix("").as_posix())
+        record = Lookup(self.ledger).record(episode.with_suffix("").as_posix())
         if record is None:
             raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot")
         try:
