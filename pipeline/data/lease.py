@@ -7,7 +7,7 @@ import threading
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,6 +22,8 @@ LEASE = ".writing.json"
 SECONDS = 300.0
 """How long a lease lasts that is not renewed; it is renewed five times as often."""
 
+_JUST = "another command has just begun to write it: wait until that has ended, or stop it"
+
 
 @contextmanager
 def leased(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
@@ -29,8 +31,7 @@ def leased(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
     one on another machine when it has run out. The event is set when that has happened to this lease: its machine slept, or the
     store could not be reached for so long.
 
-    Raises Busy where another process holds it, StoreError. Where a store cannot write an object only if it is not there, two
-    processes that begin in the same moment both get it.
+    Raises Busy where another process holds it, StoreError.
     """
     mine = {"host": socket.gethostname(), "process": os.getpid(), "id": uuid.uuid4().hex, "since": time.time()}
     _take(store, mine, seconds)
@@ -49,14 +50,40 @@ def leased(store: Store, seconds: float = SECONDS) -> Iterator[threading.Event]:
 
 def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
     said = _said(mine, seconds)
-    if store.create(LEASE, said):
-        return
-    held = _held(store)
-    if held is not None and not _over(held):
-        raise Busy(f"{store.url}: {_whose(held)}")
-    store.delete([LEASE])
-    if not store.create(LEASE, said):
-        raise Busy(f"{store.url}: another command has just begun to write it: wait until that has ended, or stop it")
+    with nullcontext() if store.conditional else _first(store, mine, said):
+        for again in (False, True):
+            # asked first, because some servers write over an object whatever the condition
+            held = _held(store)
+            if held is not None and not _over(held):
+                if held.get("id") == mine["id"]:
+                    return  # the answer to the request was lost
+                raise Busy(f"{store.url}: {_whose(held)}")
+            if held is not None or again:
+                store.delete([LEASE])
+            if store.create(LEASE, said):
+                return
+    raise Busy(f"{store.url}: {_JUST}")
+
+
+@contextmanager
+def _first(store: Store, mine: dict[str, Any], said: bytes) -> Iterator[None]:
+    """Be the only one to ask for the lease within the block, where the store cannot write an object only if it is not there.
+
+    Each writes down that it asks, and then looks who else does: of two, one at least sees the other, who has not yet taken away
+    what it wrote or holds the lease already. Needs a store that lists what was written before. Raises Busy, for both maybe.
+    """
+    name = f"{LEASE}.{mine['id']}"
+    store.write(name, said)
+    try:
+        for other in store.top():
+            if other.startswith(f"{LEASE}.") and other != name:
+                held = _held(store, other)
+                if held is not None and not _over(held):
+                    raise Busy(f"{store.url}: {_JUST}")
+                store.delete([other])
+        yield
+    finally:
+        store.delete([name])
 
 
 @dataclass(frozen=True)
@@ -102,10 +129,10 @@ def _clock(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
-def _held(store: Store) -> dict[str, Any] | None:
-    """Who holds the lease; None where nobody does, or nobody can tell."""
+def _held(store: Store, name: str = LEASE) -> dict[str, Any] | None:
+    """Who holds the lease, or asks for it; None where nobody does, or nobody can tell."""
     try:
-        values = json.loads(store.read(LEASE) or b"")
+        values = json.loads(store.read(name) or b"")
         times = {name: float(values[name]) for name in {"since", "renewed"} & set(values) | {"until"}}
         for each in times.values():
             _clock(each)  # refuses what is no time

@@ -69,7 +69,7 @@ class Mirror:
 
     def pull(self) -> None:
         """Make the mirror what the store holds: small files fetched, all others listed only."""
-        listed = {name: each for name, each in self.store.list().items() if _plain(name) and name != LEASE}
+        listed = {name: each for name, each in self.store.list().items() if _plain(name) and not name.startswith(LEASE)}
         self.root.mkdir(parents=True, exist_ok=True)
         for path in list(self._files()):
             if self.name(path) not in listed:

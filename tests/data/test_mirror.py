@@ -178,7 +178,8 @@ def test_a_url_that_is_too_long_is_one_line(url):
 
 
 @pytest.mark.parametrize(
-    "text", ["s4://b/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"]
+    "text",
+    ["s4://b/x", "sftp://host/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"],
 )
 def test_what_looks_like_a_url_and_is_none_is_refused_in_one_line(text):
     for given in (text, Path(text)):
