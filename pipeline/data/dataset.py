@@ -46,8 +46,8 @@ FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger",
 
 def missed(paths: Sequence[Path]) -> str:
     """One line on finished episodes that are missing."""
-    many = f"{len(paths)} episodes are" if len(paths) > 1 else "an episode is"
-    return f"{many} finished by the ledger and missing, first {paths[0]}; the build command of this dataset makes them anew"
+    many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
+    return f"{many} missing that the ledger calls finished, first {paths[0]}; the build command of this dataset makes that anew"
 
 
 class Dataset:

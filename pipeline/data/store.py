@@ -178,7 +178,7 @@ class Store:
                 fs.pipe_file(f"{root}/{name}", data, mode="create")
             except FileExistsError:
                 return False
-            except Exception as error:  # that of gcsfs is no OSError
+            except Exception as error:  # not every library has the exception of Python
                 if names_of(error) & THERE:
                     return False
                 raise

@@ -28,6 +28,8 @@ def names_of(error: BaseException) -> set[str]:
     found = set[str]()
     for each in _chain(error):
         found |= {kind.__name__ for kind in type(each).__mro__}
+        if str(each).startswith("Forbidden"):  # gcsfs says so in words only
+            found.add("403")
         response = getattr(each, "response", None)
         if isinstance(response, Mapping):
             found.add(str(response.get("Error", {}).get("Code")))

@@ -94,7 +94,7 @@ def test_a_store_that_does_not_say_what_changed_is_refused_in_one_line(plain, mo
 
 
 class Refusing(Plain):
-    """A store whose library has an error of its own for a condition that does not hold, as gcsfs."""
+    """A store whose library has errors of its own: for a condition that does not hold, and, as gcsfs, for a lack of permission."""
 
     def pipe_file(self, path, value, mode="overwrite", **options):
         if mode == "create" and self.exists(path):
@@ -109,6 +109,17 @@ def test_a_condition_that_does_not_hold_is_no_fault(plain, monkeypatch):
     monkeypatch.setattr("pipeline.data.store.CONDITIONAL", ("plain",))
     store = Store(plain, pauses=())
     assert store.create("a", b"1") and not store.create("a", b"2") and store.read("a") == b"1"
+
+
+def test_a_refusal_in_words_only_is_told_with_its_fix(plain, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError("Forbidden: b/sets/o\nhas no storage.objects.list access")
+
+    monkeypatch.setattr(Plain, "find", refuse)
+    with pytest.raises(
+        StoreError, match=r"^cannot list plain://sets/a: the credential lacks the permission: grant it, .* access\)$"
+    ):
+        Store(plain).list()
 
 
 # --- the lease without conditions -------------------------------------------------------------------------------------------
