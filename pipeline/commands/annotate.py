@@ -6,7 +6,20 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import Address, AsJson, Gpus, Quiet, Root, RuntimeEnv, UsageError, listed, pool_of, say, warn_of_stale
+from pipeline.commands.common import (
+    Address,
+    AsJson,
+    Gpus,
+    Quiet,
+    Root,
+    RuntimeEnv,
+    UsageError,
+    listed,
+    pool_of,
+    say,
+    warn_of_missing,
+    warn_of_stale,
+)
 from pipeline.data.urls import with_urls
 from pipeline.run.signals import Stopped, stop_on_signal
 
@@ -85,7 +98,9 @@ def annotate(
         print(f"stopped; what is finished is in {with_urls(str(dataset))}, the same command goes on", file=sys.stderr)
         raise typer.Exit(130) from None
     if source.manifest.exists():
-        warn_of_stale(source, source.recipe())
+        recipe = source.recipe()
+        warn_of_missing(source, recipe)
+        warn_of_stale(source, recipe)
     if not dry_run:
         refresh(source, annotation_sheet)
     lines, made = [], "to compute" if dry_run else "computed"

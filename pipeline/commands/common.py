@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import typer
 import yaml
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe import Recipe
 from pipeline.data.recipe_file import read_recipe
@@ -60,6 +60,12 @@ def warn_of_stale(dataset: Dataset, recipe: Recipe) -> None:
             f"`domino-data status {with_urls(str(dataset.root))}` says what changed",
             file=sys.stderr,
         )
+
+
+def warn_of_missing(dataset: Dataset, recipe: Recipe) -> None:
+    """Say on standard error how many finished episodes are missing; the others are used all the same."""
+    if missing := dataset.missing(recipe):
+        print(f"domino-data: warning: {with_urls(missed(missing))}", file=sys.stderr)
 
 
 def listed(text: str | None) -> list[str] | None:

@@ -50,6 +50,7 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check everything that a dataset promises; exit code 1 when something does not hold."""
+    from pipeline.run.verify import closing
     from pipeline.run.verify import verify as run_verify
 
     source = Dataset(dataset)
@@ -58,6 +59,6 @@ def verify(
         pool = Pool()
     values = run_verify(source, pool, not quiet and not as_json)
     lines = [f"{'ok  ' if c['ok'] else 'FAIL'} {c['name']}: {c['detail']}" for c in values["checks"]]
-    say(values, as_json, "\n".join(lines))
+    say(values, as_json, "\n".join([*lines, closing(values["checks"], values["episodes"])]))
     if not values["ok"]:
         raise typer.Exit(1)

@@ -1,13 +1,16 @@
 """diff, regenerate, merge, gc: datasets compared, proved, joined and cleaned."""
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Root, say
+from pipeline.commands.common import AsJson, Root, UsageError, say
 from pipeline.data.dataset import Dataset
+from pipeline.data.mirror_places import forget
+from pipeline.data.urls import url_of
 
 SHOWN = 40
 """Lines of a list that are printed for a person; --json prints all."""
@@ -67,14 +70,32 @@ def merge(
 def gc(
     dataset: Root,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed.")] = False,
+    local: Annotated[
+        bool, typer.Option("--local", help="Of a URL: remove what this machine keeps of it, and nothing on the store.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Remove episodes of no slot, annotations of no episode, assets of no episode, and what was left half-written."""
     from pipeline.run.gc import collect
 
+    if local:
+        _forget(dataset, dry_run, as_json)
+        return
     found = collect(Dataset(dataset), dry_run)
     lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
     lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
     size = sum(orphan.size for orphan in found) / 1e6
     lines.append(f"{len(found)} files, {size:.1f} MB, {'would be' if dry_run else 'were'} removed")
     say({"removed": not dry_run, "files": [asdict(orphan) for orphan in found]}, as_json, "\n".join(lines))
+
+
+def _forget(dataset: Path, dry_run: bool, as_json: bool) -> None:
+    """Remove the mirrors of a URL."""
+    url = url_of(dataset)
+    if url is None:
+        raise UsageError(f"--local is for the URL of a store, and {dataset} is a directory: leave it out")
+    places = forget(url, dry_run)
+    lines = [f"{place.path}: {place.size / 1e6:.1f} MB" for place in places]
+    lines.append(f"{len(places)} directories with local copies of {url} {'would be' if dry_run else 'were'} removed")
+    values = {"removed": not dry_run, "directories": [asdict(place) for place in places]}
+    print(json.dumps(values, indent=1) if as_json else "\n".join(lines))

@@ -42,9 +42,11 @@ def on_stores(verb: Callable[..., None]) -> Callable[..., None]:
                     continue
                 if name not in taken:
                     raise UsageError(f"{url}: {verb.__name__.replace('_', '-')} takes a path of this machine there, no URL")
+                if given.get("local"):  # what is asked for are the mirrors themselves
+                    continue
                 if verb.__name__ == "view" and not (given["out"] or given["serve"] or given["rerun"]):
                     raise UsageError(f"{url}: the pages are for this machine: add --out DIR, or --serve")
-                given[name] = stack.enter_context(mirrored(url, taken[name]))
+                given[name] = stack.enter_context(mirrored(url, taken[name], made=name != "out"))
             verb(**given)
 
     return run

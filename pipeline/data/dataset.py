@@ -12,13 +12,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import atomic_path, remove, write_atomic
+from pipeline.data.columns import single
 from pipeline.data.entries import Entries, Files
 from pipeline.data.errors import DominoError
 from pipeline.data.growth import differences, left_out
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import SlotRecord
 from pipeline.data.ledger_files import Ledger
+from pipeline.data.ledger_lookup import Lookup
+from pipeline.data.ledger_table import ONE
 from pipeline.data.mirror import sent, withdrawn
+from pipeline.data.names import MANIFEST
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, RecipeError, Slot, parse_recipe
 from pipeline.data.recipe_file import read_recipe
@@ -40,6 +44,12 @@ FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger",
 """Directories of a dataset."""
 
 
+def missed(paths: Sequence[Path]) -> str:
+    """One line on finished episodes that are missing."""
+    many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
+    return f"{many} missing that the ledger calls finished, first {paths[0]}; the build command of this dataset makes that anew"
+
+
 class Dataset:
     """Paths and ledger of one dataset directory. Paths are made from the recipe's slots, whose names are plain names."""
 
@@ -49,7 +59,7 @@ class Dataset:
     @property
     def manifest(self) -> Path:
         """The frozen recipe."""
-        return self.root / "manifest.yaml"
+        return self.root / MANIFEST
 
     @property
     def attempts(self) -> Path:
@@ -96,6 +106,9 @@ class Dataset:
 
     def kept_failures(self, recipe: Recipe) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Files of the failed attempts that the ledger says are kept, in the recipe's order, with the rows of these attempts."""
+        kept = single(self.entries(recipe, (f"{ONE}kept",)).table["attempts"]).flatten().field("kept")
+        if not any(kept.unique().to_pylist()):
+            return  # most datasets keep none, and full entries take time
         for slot, record in self.records(recipe):
             for row in record.attempts:
                 if row.get("kept"):
@@ -178,7 +191,7 @@ class Dataset:
 
     def record(self, slot: Slot) -> SlotRecord | None:
         """The ledger entry of a slot, or None where there is none or it is damaged; for many slots, `records`. Raises OSError."""
-        return self.ledger.record(slot.path)
+        return Lookup(self.ledger).record(slot.path)
 
     def entries(self, recipe: Recipe, columns: Sequence[str] | None = None) -> Entries:
         """The ledger of the recipe's slots as it is now, of all columns or some. Raises OSError."""
@@ -198,6 +211,12 @@ class Dataset:
         """Episode files of the recipe's slots, in its order."""
         found = self.present(self.entries(recipe, ()))
         return [self.episode(slot) for slot, accepted in zip(found.slots, found.accepted, strict=True) if accepted]
+
+    def missing(self, recipe: Recipe) -> list[Path]:
+        """Files of the episodes that the ledger calls finished and that are not there, in the recipe's order."""
+        entries = self.entries(recipe, ())
+        gone = entries.kept(np.array(entries.accepted, bool) & ~Files(self.episodes).listed(entries))
+        return [self.episode(slot) for slot in gone.slots]
 
     def intact(self, slot: Slot, record: SlotRecord) -> bool:
         """Whether a slot's episode is there with the bytes that its ledger entry names. Raises PermissionError."""
@@ -219,7 +238,7 @@ class Dataset:
         """
         if not (self.root / "ledger").is_dir():
             return
-        record = self.ledger.record(episode.with_suffix("").as_posix())
+        record = Lookup(self.ledger).record(episode.with_suffix("").as_posix())
         if record is None:
             raise DatasetError(f"{self.episodes / episode}: has no ledger entry: it belongs to no finished slot")
         try:
@@ -230,7 +249,10 @@ class Dataset:
             raise DatasetError(f"{self.episodes / episode}: {CHANGED}")
 
     def intact_episodes(self, recipe: Recipe) -> list[Path]:
-        """As `accepted`, after reading every file. Raises DatasetError for those that cannot be read or are not the ledger's."""
+        """As `accepted`, after reading every file. Raises DatasetError for those that are missing, cannot be read or are not the
+        ledger's."""
+        if missing := self.missing(recipe):
+            raise DatasetError(missed(missing))
         entries = self.present(self.entries(recipe, ()))
         pairs = zip(entries.slots, entries.table["sha256"].to_pylist(), strict=True)
         found = [(slot, sha256) for slot, sha256 in pairs if sha256]

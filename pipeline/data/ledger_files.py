@@ -27,13 +27,12 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from pyarrow.compute import call_function
 
 from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.columns import mask_of, numbers, rows_of
 from pipeline.data.keys import canonical
 from pipeline.data.ledger import NO_RECORD, SlotRecord
-from pipeline.data.ledger_old import PATH, exact_entry, old_entries, read_entry, remove_empty
+from pipeline.data.ledger_old import exact_entry, old_entries, remove_empty
 from pipeline.data.ledger_table import PLACE, decoded, empty, encoded, picked, place_of, record_of, slot_of, table_of
 from pipeline.data.mirror import sent, withdrawn
 from pipeline.data.reading import IRREGULAR, parse_json, read_regular
@@ -140,30 +139,6 @@ class Ledger:
             if error.strerror == IRREGULAR or error.errno is None:
                 raise DamagedLedger(" ".join((error.strerror or str(error)).split())[:200]) from error
             raise
-
-    def record(self, path: str) -> SlotRecord | None:
-        """As `find`, None for an entry that is damaged, or in a damaged file."""
-        try:
-            return self.find(path)
-        except NO_RECORD:
-            return None
-
-    def find(self, path: str) -> SlotRecord | None:
-        """The entry of the slot with this path, or None where there is none. For many slots, read a table. Raises what NO_RECORD
-        names for a damaged one, OSError where the disk refuses."""
-        if not PATH.fullmatch(path):
-            return None
-        task, robot, *_, name = path.split("/")
-        newer = self.journal().entries.get((task, robot), {})
-        for slot, record in newer.items():
-            if slot.path == path:
-                return record
-        table = self.stored((task, robot))
-        index = int(name.removeprefix("episode_").partition("_")[0])
-        for row in table.filter(call_function("equal", [table["slot"], index])).to_pylist():
-            if slot_of(row).path == path:
-                return record_of(row)
-        return read_entry(self.root / f"{path}.json")
 
     def entries(self) -> Iterator[tuple[Slot, SlotRecord]]:
         """Every entry that can be read, whatever the recipe."""

@@ -14,7 +14,6 @@ A mirror says by its name what it mirrors, so that any process on any machine kn
 Nothing that is only in a mirror counts: what the store lacks is removed when the next command pulls.
 """
 
-import fcntl
 import os
 import re
 import threading
@@ -23,20 +22,21 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.lease import LEASE, leased
 from pipeline.data.mirror_files import is_listed, is_new, list_only, mark, state_of
+from pipeline.data.mirror_places import free_place
+from pipeline.data.names import MANIFEST
 from pipeline.data.store import Store, StoreError
-from pipeline.data.urls import FOLDER, mirrors
+from pipeline.data.urls import FOLDER
 
 _THREADS = 8
 _AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
 _LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
-_LONGEST = 240  # bytes; names of files have at most 255
 
 
 def mirror_of(path: Path) -> "Mirror | None":
@@ -69,7 +69,7 @@ class Mirror:
 
     def pull(self) -> None:
         """Make the mirror what the store holds: small files fetched, all others listed only."""
-        listed = {name: each for name, each in self.store.list().items() if _plain(name) and name != LEASE}
+        listed = {name: each for name, each in self.store.list().items() if _plain(name) and not name.startswith(LEASE)}
         self.root.mkdir(parents=True, exist_ok=True)
         for path in list(self._files()):
             if self.name(path) not in listed:
@@ -210,43 +210,29 @@ def replaced(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def mirrored(url: str, writes: bool = True) -> Iterator[Path]:
+def mirrored(url: str, writes: bool = True, made: bool = False) -> Iterator[Path]:
     """A directory with what is below a URL, for one command, which may be one of several at the same time.
 
-    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again.
+    What `writes` changed in it is written to the store at the end, unless a StoreError ends the block: it would come again. A
+    directory in which nothing is then, and one of no dataset where the block fails, is removed. Raises StoreError, before anything
+    is fetched, where there is no dataset and there must be one that is `made`.
     """
-    with _free(url) as mirror, leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
-        mirror.pull()
-        try:
-            yield mirror.root
-        except StoreError:
-            raise
-        except BaseException:
+    with free_place(url) as place:
+        mirror = _mirror(place)
+        if mirror.store.reach(MANIFEST) is None and made:
+            raise StoreError(f"{url} is no dataset: it has no {MANIFEST}")
+        with leased(mirror.store) if writes else nullcontext(threading.Event()) as mirror.lost:
+            mirror.pull()
+            try:
+                yield mirror.root
+            except BaseException as error:
+                if writes and not isinstance(error, StoreError):
+                    mirror.push_all()
+                if not os.path.lexists(mirror.root / MANIFEST):
+                    remove(mirror.root)
+                raise
             if writes:
                 mirror.push_all()
-            raise
-        if writes:
-            mirror.push_all()
-
-
-@contextmanager
-def _free(url: str) -> Iterator[Mirror]:
-    """The first mirror of a URL that no other command uses."""
-    name = quote(url, safe="")
-    if len(name) > _LONGEST:
-        raise StoreError(f"{url}: is too long to be a dataset's URL: name a shorter one")
-    number, folder = 0, mirrors()
-    folder.mkdir(parents=True, exist_ok=True)
-    while True:
-        root = folder / (f"{name}~{number}" if number else name)
-        with open(folder / f"{root.name}.lock", "ab") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                number += 1
-                continue
-            yield _mirror(root)
-            return
 
 
 def _plain(name: str) -> bool:

@@ -3,6 +3,9 @@
 import re
 from collections.abc import Iterable, Mapping
 
+MANIFEST = "manifest.yaml"
+"""The file of a dataset that holds its recipe: where it is, is a dataset."""
+
 SIDES = ("left", "right")
 """The two arms, in the order of every vector."""
 

@@ -4,9 +4,10 @@ An object appears whole when it is written, or not at all, as a file that is ren
 the connection does is repeated a few times, with growing pauses. What cannot be helped that way is a StoreError: one line.
 """
 
-import errno
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.errors import DominoError
+from pipeline.data.store_errors import ABSENT, AGAIN, GONE, LOCAL, THERE, line_of, names_of, passes, why
 
 EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 """The extra of this package that a kind of URL needs."""
@@ -21,19 +23,19 @@ EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs"}
 PAUSES = (1.0, 2.0, 4.0, 8.0)
 """Seconds between the tries of a request; each of them repeats what its library repeats by itself."""
 
+CONDITIONAL = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "memory")
+"""Stores that can write an object only if it is not there, as one request."""
+
+ANSWER = 8.0
+"""Seconds that a command waits for the first answer of a store."""
+
+_HUB = "hf"
+"""Its library keeps listings whatever it is told, says which bytes one object has only when asked, and deletes one at a time."""
+
 _IDENTITIES = ("ETag", "etag", "md5Hash", "blob_id", "LastModified", "last_modified", "updated", "mtime", "created")
 """What file systems call that which changes when a file does, the best first."""
 
 _BATCH = 1000
-_LOCAL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ENOTCONN, errno.ESTALE, errno.EIO)
-_PASSING = (errno.EBUSY, getattr(errno, "EREMOTEIO", errno.EIO))
-_LOST = {"ConnectionError", "TimeoutError", "HTTPClientError", "ClientConnectionError", "ClientPayloadError", "TransportError"}
-_ANONYMOUS = {"NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "DefaultCredentialsError"}
-_EXPIRED = {"ExpiredToken", "ExpiredTokenException", "RequestExpired", "TokenRefreshRequired", "UnauthorizedSSOTokenError"} | {
-    *("TokenRetrievalError", "SSOTokenLoadError", "RefreshError", "InvalidToken")
-}
-_WRONG = {"InvalidAccessKeyId", "SignatureDoesNotMatch", "401", "LocalTokenNotFoundError"}
-_ABSENT = {"NoSuchBucket", "RepositoryNotFoundError", "RevisionNotFoundError"}
 
 
 class StoreError(DominoError):
@@ -54,6 +56,20 @@ class Store:
 
     def __init__(self, url: str, pauses: Sequence[float] = PAUSES) -> None:
         self.url, self._pauses = url.rstrip("/"), pauses
+        self._failed: Exception | None = None
+
+    @property
+    def conditional(self) -> bool:
+        """Whether `create` is one request."""
+        return self._scheme in CONDITIONAL
+
+    @property
+    def _scheme(self) -> str:
+        return self.url.partition(":")[0]
+
+    @property
+    def _fresh(self) -> dict[str, bool]:
+        return {"refresh": True} if self._scheme == _HUB else {}
 
     @cached_property
     def _at(self) -> tuple[Any, str]:
@@ -63,16 +79,40 @@ class Store:
         try:
             fs, path = fsspec.url_to_fs(self.url, use_listings_cache=False, skip_instance_cache=True)
         except (ImportError, ValueError) as error:
-            extra = EXTRAS.get(self.url.partition(":")[0])
+            extra = EXTRAS.get(self._scheme)
             fix = f"pip install 'domino-data[{extra}]'" if extra else "install the package that fsspec names"
-            raise StoreError(f"{self.url}: {_line(error)}: {fix}") from error
+            raise StoreError(f"{self.url}: {line_of(error)}: {fix}") from error
         return fs, path.rstrip("/")
+
+    def reach(self, name: str, seconds: float = ANSWER) -> bytes | None:
+        """As `read`, for a command's first request: raises StoreError, which names the server, where it does not answer in time,
+        however long the library of the store would go on to try."""
+        answer = Future[bytes | None]()
+
+        def ask() -> None:
+            try:
+                answer.set_result(self._do("open", "", lambda fs, root: _cat(fs, f"{root}/{name}")))
+            except (StoreError, OSError) as error:
+                answer.set_exception(error)
+
+        # none of a pool, which would be waited for when the process ends
+        threading.Thread(target=ask, daemon=True).start()
+        try:
+            return answer.result(seconds)
+        except TimeoutError as error:
+            server = _server(self.__dict__.get("_at", (None,))[0])
+            last = f" ({line_of(self._failed)})" if self._failed else ""
+            said = f"{server} has not answered for {seconds:.0f} s: {AGAIN}{last}"
+            raise StoreError(f"cannot open {self.url}: {said}") from error
 
     def list(self) -> dict[str, Listed]:
         """Every object, by name; none where there is nothing yet."""
 
         def find(fs: Any, root: str) -> dict[str, Listed]:
-            found = fs.find(root, detail=True)
+            try:
+                found = fs.find(root, detail=True, **self._fresh)
+            except FileNotFoundError as error:  # gcsfs; of a place in a bucket that is there nothing is found
+                raise StoreError(f"cannot list {self.url}: {GONE} ({line_of(error)})") from error
             names = {path: path.removeprefix(root).lstrip("/") for path in found if path.startswith(f"{root}/")}
             return {name: _listed(found[path]) for path, name in names.items() if name and not name.endswith("/")}
 
@@ -83,12 +123,24 @@ class Store:
 
         def info(fs: Any, root: str) -> Listed | None:
             try:
-                found = fs.info(f"{root}/{name}")
+                found = self._info(fs, f"{root}/{name}")
             except FileNotFoundError:
                 return None
             return _listed(found) if found["type"] == "file" else None
 
         return self._do("look for", name, info)
+
+    def top(self) -> Sequence[str]:
+        """Names without a slash of objects."""
+
+        def ls(fs: Any, root: str) -> Sequence[str]:
+            try:
+                found = fs.ls(root, detail=True, **self._fresh)
+            except FileNotFoundError:
+                return []
+            return [each["name"].rpartition("/")[2] for each in found if each["type"] == "file"]
+
+        return self._do("list", "", ls)
 
     def get(self, name: str, path: Path) -> None:
         """Write the bytes of an object to a file on this machine."""
@@ -96,21 +148,14 @@ class Store:
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a small object, None where there is none."""
-
-        def cat(fs: Any, root: str) -> bytes | None:
-            try:
-                return fs.cat_file(f"{root}/{name}")
-            except FileNotFoundError:
-                return None
-
-        return self._do("read", name, cat)
+        return self._do("read", name, lambda fs, root: _cat(fs, f"{root}/{name}"))
 
     def put(self, path: Path, name: str) -> Listed:
         """Write a file of this machine as an object, replacing one of that name; what is known of it then."""
 
         def send(fs: Any, root: str) -> Listed:
             fs.put_file(str(path), f"{root}/{name}")
-            return _listed(fs.info(f"{root}/{name}"))
+            return _listed(self._info(fs, f"{root}/{name}"))
 
         return self._do("write", name, send)
 
@@ -119,21 +164,22 @@ class Store:
         self._do("write", name, lambda fs, root: fs.pipe_file(f"{root}/{name}", data))
 
     def create(self, name: str, data: bytes) -> bool:
-        """Write a small object unless there is one of that name; whether it was written. Some stores cannot do both at once:
-        two that ask in the same moment are both told yes."""
+        """Write a small object unless there is one of that name; whether it was written. Stores that are not `conditional` look
+        and then write: two that ask in the same moment are both told yes."""
+
+        if not self.conditional:
+            if self.stat(name) is not None:
+                return False
+            self.write(name, data)
+            return True
 
         def send(fs: Any, root: str) -> bool:
-            path = f"{root}/{name}"
             try:
-                fs.pipe_file(path, data, mode="create")
-            except (NotImplementedError, TypeError, ValueError):
-                if fs.exists(path):
-                    return False
-                fs.pipe_file(path, data)
+                fs.pipe_file(f"{root}/{name}", data, mode="create")
             except FileExistsError:
                 return False
-            except OSError as error:
-                if "PreconditionFailed" in _names(error):
+            except Exception as error:  # not every library has the exception of Python
+                if names_of(error) & THERE:
                     return False
                 raise
             return True
@@ -144,7 +190,26 @@ class Store:
         """Delete objects, as far as they are there."""
         for start in range(0, len(names), _BATCH):
             part = names[start : start + _BATCH]
-            self._do("delete", part[0], lambda fs, root, part=part: _delete(fs, [f"{root}/{name}" for name in part]))
+            self._do("delete", part[0], lambda fs, root, part=part: self._delete(fs, [f"{root}/{name}" for name in part]))
+
+    def _delete(self, fs: Any, paths: Sequence[str]) -> None:
+        if self._scheme != _HUB:
+            try:
+                fs.rm(paths)
+            except FileNotFoundError:  # some were gone; not every store says which
+                paths = [path for path in paths if fs.exists(path)]
+            else:
+                return
+        for path in paths:
+            try:
+                fs.rm_file(path)
+            except Exception as error:
+                if not names_of(error) & {"FileNotFoundError", "EntryNotFoundError"}:
+                    raise
+
+    def _info(self, fs: Any, path: str) -> Mapping[str, Any]:
+        """What fsspec says of an object. Raises FileNotFoundError."""
+        return fs.info(path, **self._fresh, **({"expand_info": True} if self._scheme == _HUB else {}))
 
     def _do[T](self, what: str, name: str, request: Callable[[Any, str], T]) -> T:
         """The result of a request, which is repeated while the connection fails."""
@@ -155,71 +220,37 @@ class Store:
             except StoreError:
                 raise
             except Exception as error:  # every library of a store has exceptions of its own
-                if isinstance(error, OSError) and error.errno in _LOCAL:
+                if isinstance(error, OSError) and error.errno in LOCAL:
                     raise
-                if pause is None or not _passes(error):
-                    raise StoreError(f"cannot {what} {url}: {_why(error)}") from error
+                if pause is None or not passes(error):
+                    raise StoreError(f"cannot {what} {url}: {why(error)}") from error
+                self._failed = error
             time.sleep(pause)
         raise AssertionError("the last try returns or raises")
 
 
-def _delete(fs: Any, paths: list[str]) -> None:
+def _cat(fs: Any, path: str) -> bytes | None:
+    """The bytes of an object, None where there is none in a bucket that is there."""
     try:
-        fs.rm(paths)
-    except FileNotFoundError:  # some were gone; not every store says which
-        for path in paths:
-            if fs.exists(path):
-                fs.rm_file(path)
+        return fs.cat_file(path)
+    except FileNotFoundError as error:
+        if names_of(error) & ABSENT:
+            raise
+        return None
+
+
+def _server(fs: Any) -> str:
+    """The address of a store's server, as far as its library says it."""
+    client = getattr(getattr(fs, "_s3", None), "meta", None)
+    found = (getattr(client, "endpoint_url", None), *(getattr(fs, name, None) for name in ("endpoint_url", "endpoint", "host")))
+    return next((each for each in found if isinstance(each, str) and each), "the server")
 
 
 def _listed(info: Mapping[str, Any]) -> Listed:
     """What a listing says, from what fsspec says of an object."""
-    said = next((info[key] for key in _IDENTITIES if info.get(key) is not None), "")
+    said = next((info[key] for key in _IDENTITIES if info.get(key) is not None), None)
+    if said is None:
+        raise StoreError(f"{info['name']}: this store does not say which bytes an object has or when it changed: use another one")
     # one file system says the same time once as a number and once as a date
     text = str(said.timestamp() if isinstance(said, datetime) else said)
     return Listed(int(info["size"] or 0), text.strip('"'))
-
-
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
-
-
-def _names(error: BaseException) -> set[str]:
-    """Names of the classes of an error and of what caused it, and codes that servers gave it."""
-    found = set[str]()
-    for each in _chain(error):
-        found |= {kind.__name__ for kind in type(each).__mro__}
-        response = getattr(each, "response", None)
-        if isinstance(response, Mapping):
-            found.add(str(response.get("Error", {}).get("Code")))
-        status = getattr(response, "status_code", getattr(each, "code", None))
-        found |= {str(status)} - {"None"}
-    return found
-
-
-def _passes(error: BaseException) -> bool:
-    """Whether the same request may succeed a moment later."""
-    busy = isinstance(error, OSError) and error.errno in _PASSING
-    return busy or bool(_names(error) & _LOST)
-
-
-def _why(error: BaseException) -> str:
-    """One line on an error that is none of this machine's disk, with the fix."""
-    names = _names(error)
-    for known, said in (
-        (_EXPIRED, "the credential has expired: renew it, and the same command goes on"),
-        (_ANONYMOUS, "there are no credentials for it: set them as its library wants them (docs/storage.md)"),
-        (_WRONG, "the credential is not accepted: check it, and the same command goes on"),
-        (_ABSENT, "there is no such bucket or repository: make it first, or name another"),
-        (_LOST, "the connection is lost or refused: check the network and the endpoint, and the same command goes on"),
-        ({"PermissionError", "403"}, "the credential lacks the permission: grant it, and the same command goes on"),
-    ):
-        if names & known:
-            return f"{said} ({_line(error)})"
-    return _line(error)
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -9,8 +9,8 @@ from pipeline.data.user_cache import CACHE, user_cache
 
 FOLDER = "mirrors"
 
-SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "oci", "oss", "memory", "sftp", "ssh", "smb", "hdfs")
-"""URLs that name a store."""
+SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "oci", "oss", "memory")
+"""URLs that name a store: what has objects, which are whole or not there. File systems of other machines can be mounted."""
 
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/.*|(s3|gs|hf):.*", re.DOTALL)
@@ -25,9 +25,8 @@ def url_of(text: str | Path) -> str | None:
     if match is None:
         if _SCHEME.fullmatch(f"{text}/" if str(text).endswith(":") else str(text)):
             known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
-            raise StoreError(
-                f"{text}: is no URL that can be written to: choose {known}; or begin with / for a directory of that name"
-            )
+            fix = f"choose {known}; mount what is none of these; or begin with / for a directory of that name"
+            raise StoreError(f"{text}: is no URL that can be written to: {fix}")
         return None
     name = match[2]
     if odd := next((sign for sign in "?#*[]" if sign in name), None) or (".." if ".." in name.split("/") else None):

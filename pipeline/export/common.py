@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import atomic_directory, sweep
 from pipeline.data.episode import EpisodeError, EpisodeFile
 from pipeline.data.errors import DominoError
+from pipeline.data.lock import exclusive
 from pipeline.data.meta import EpisodeMeta
 from pipeline.data.names import exported_names
 from pipeline.data.reading import parse_json, read_regular
@@ -270,7 +271,8 @@ def staged(out: Path, dataset: Path) -> Iterator[Path]:
     """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
 
     An existing export at `out` is replaced only then. Raises ExportError where `out` is something else than an export, or holds
-    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses.
+    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses,
+    and Busy where another command is replacing that export.
     """
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     if out.exists() and not out.is_dir():
@@ -286,7 +288,8 @@ def staged(out: Path, dataset: Path) -> Iterator[Path]:
         raise ExportError(f"{foreign[0]}: is no part of the export that stands there; move it away or name another directory")
     try:
         sweep(out.parent, f".{out.name}.*.tmp")
-        with atomic_directory(out) as temporary:
+        # what stands there lends its files (reuse.py): they must be those that were judged
+        with exclusive(out) if out.is_dir() else nullcontext(), atomic_directory(out) as temporary:
             yield temporary
     except OSError as error:
         raise ExportError(f"{out}: cannot be written ({error})") from error

@@ -3,7 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -16,6 +16,7 @@ from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import annotation_path, write_stage
 from pipeline.annotate.work import Outcome, StageWorker
 from pipeline.data.atomic import sweep
+from pipeline.data.lock import exclusive
 from pipeline.run.engine import run
 from pipeline.run.pool import Died, Done, Limit, Pool
 from pipeline.run.ray_session import session
@@ -91,8 +92,8 @@ def annotate(
     `where` selects episodes (see annotate/select.py); `render` draws episodes again for simulator truth where they store none.
     A dry run writes and downloads nothing, and its report lists what would run and why; it needs no weights.
 
-    Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad `where`, a model without weights), and
-    EngineError where workers cannot be started or do not last.
+    Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad `where`, a model without weights),
+    Busy where another command annotates the dataset, and EngineError where workers cannot be started or do not last.
     """
     options, execution, dataset = options or AnnotateOptions(), execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
@@ -100,7 +101,7 @@ def annotate(
     build = build_for_dry_run if dry_run else build_stages
     built = build(options, stages, render, execution.device)
     report: AnnotateReport = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
-    with session(execution.pool):
+    with _alone(dataset) if chosen and not dry_run else nullcontext(), session(execution.pool):
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
@@ -118,6 +119,15 @@ def annotate(
                 done = [replace(o, action="computed", reason="after its masks") if o.action == "waiting" else o for o in done]
             report["stages"].append(_summary(stage, directory, done, time.perf_counter() - start, dry_run))
     return report
+
+
+@contextmanager
+def _alone(dataset: Path) -> Iterator[None]:
+    """Hold the lock of the annotations, which is none of the dataset's: a build may go on meanwhile. Raises Busy."""
+    folder = dataset / "annotations"
+    folder.mkdir(exist_ok=True)
+    with exclusive(folder):
+        yield
 
 
 def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution) -> Generator[Outcome, None, None]:

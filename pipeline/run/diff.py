@@ -1,7 +1,7 @@
 """`domino-data diff A B`: which slots of two datasets differ, and why. Reads both ledgers and lists both directories."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pipeline.data.dataset import Dataset
@@ -12,6 +12,8 @@ from pipeline.data.ledger_table import unpack_keys
 from pipeline.data.recipe import Recipe, Slot
 
 MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its episode is gone", "other bytes, same keys"
+UNWANTED = "not wanted"
+"""What a slot is to a dataset whose recipe has no such slot."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,9 @@ class Difference:
 
     def said(self) -> str:
         """One line."""
+        if UNWANTED in (self.a, self.b):
+            first, second = (("A", self.a), ("B", self.b)) if self.a == UNWANTED else (("B", self.b), ("A", self.a))
+            return f"{self.slot}: {UNWANTED} by {first[0]}, {second[1]} in {second[0]}"
         why = f"other {', '.join(self.parts)}" if self.parts else ""
         return f"{self.slot}: {why or (self.a if self.a == self.b else f'{self.a} in A, {self.b} in B')}"
 
@@ -44,8 +49,13 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
     of the recipes that differ}. Raises DatasetError for a directory that is no dataset."""
     recipes = a.recipe(), b.recipe()
     sides = [_sides(dataset, recipe) for dataset, recipe in zip((a, b), recipes, strict=True)]
-    slots = dict.fromkeys((*recipes[0].slots(), *recipes[1].slots()))
-    found = {slot: d for slot in slots if (d := _difference(slot, sides[0].get(slot), sides[1].get(slot)))}
+    wanted = [dict.fromkeys(recipe.slots()) for recipe in recipes]
+    slots = wanted[0] | wanted[1]
+    found = dict[Slot, Difference]()
+    for slot in slots:
+        if d := _difference(slot, sides[0].get(slot), sides[1].get(slot)):
+            said = [state if slot in mine else UNWANTED for state, mine in zip((d.a, d.b), wanted, strict=True)]
+            found[slot] = replace(d, a=said[0], b=said[1])
     why = Counter(d.said().partition(": ")[2] for d in found.values())
     return {
         "same": sum(slot in sides[0] and slot in sides[1] and slot not in found for slot in slots),

@@ -21,7 +21,7 @@ class NodeCheck:
         manifest = Dataset(Path(self.root)).manifest
         mirror = mirror_of(manifest)
         # asked of the store and not fetched: a mirror without a manifest is known for a worker's (run/running.py)
-        if not (mirror.store.stat(mirror.name(manifest)) if mirror else manifest.exists()):
+        if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
             raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
         if code_version() != self.code:
             raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")

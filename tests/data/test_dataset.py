@@ -247,3 +247,20 @@ def test_a_link_that_leads_nowhere_is_no_episode_less(tmp_path, target):
     dataset.episode(SLOT).symlink_to(target)
     with pytest.raises(DatasetError, match="cannot be read"):
         dataset.intact_episodes(RECIPE)
+
+
+def test_finished_episodes_that_are_missing_are_counted_and_the_first_is_named(tmp_path):
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    slots = list(RECIPE.slots())
+    for slot, accepted in zip(slots, (True, True, True, False), strict=True):
+        finish(dataset, slot, accepted)
+    dataset.episode(slots[3]).unlink()  # given up: no episode belongs there
+    assert dataset.missing(RECIPE) == [] and len(dataset.intact_episodes(RECIPE)) == 3
+    dataset.episode(slots[2]).unlink()
+    with pytest.raises(DatasetError, match=rf"^1 episode is missing that .*, first {dataset.episode(slots[2])}; the build command"):
+        dataset.intact_episodes(RECIPE)
+    dataset.episode(slots[0]).unlink()
+    with pytest.raises(DatasetError, match=rf"^2 episodes are missing that .*, first {dataset.episode(slots[0])};"):
+        dataset.intact_episodes(RECIPE)
+    assert dataset.missing(RECIPE) == [dataset.episode(slots[0]), dataset.episode(slots[2])]

@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from dataclasses import replace
 
 import pytest
 
@@ -11,6 +12,7 @@ from pipeline.data.entries import Entries
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.ledger_files import DamagedLedger, Ledger, LedgerWriter
+from pipeline.data.ledger_lookup import Lookup
 from pipeline.data.ledger_table import decoded, encoded, pack_keys, slot_part, table_of, unpack_keys
 from pipeline.data.recipe import parse_recipe
 
@@ -42,7 +44,7 @@ def test_an_entry_comes_back_as_it_was_and_keys_of_a_cell_are_one_text(tmp_path)
     assert list(Entries(ledger, RECIPE).records()) == wanted
     ledger.compact()
     assert list(Entries(ledger, RECIPE).records()) == wanted
-    assert [ledger.record(slot.path) for slot in SLOTS] == [found for _, found in wanted]
+    assert [Lookup(ledger).record(slot.path) for slot in SLOTS] == [found for _, found in wanted]
     assert {pack_keys(slot, found.keys) for slot, found in wanted} == {pack_keys(SLOTS[0], record(0).keys)}
     odd = SlotKeys(Key({"slot": "mine"}), Key({}), Key({"physics": "other"}))
     assert unpack_keys(SLOTS[0], pack_keys(SLOTS[0], odd)) == odd
@@ -131,7 +133,7 @@ def test_entries_of_the_old_layout_are_read_and_moved(tmp_path):
     newer = record(5)
     ledger.add([(SLOTS[1], newer)])
     wanted = [(slot, newer if n == 1 else record(n)) for n, slot in enumerate(SLOTS)]
-    assert ledger.record(SLOTS[2].path) == record(2)
+    assert Lookup(ledger).record(SLOTS[2].path) == record(2)
     assert list(Entries(ledger, RECIPE).records()) == wanted
     ledger.compact()
     assert list(Entries(ledger, RECIPE).records()) == wanted
@@ -166,3 +168,25 @@ def test_some_columns_are_those_of_all(tmp_path):
         ]
         assert some.table["attempts"].to_pylist() == wanted
         ledger.add([(slot, record(n)) for n, slot in enumerate(SLOTS)][5:])
+
+
+def test_many_entries_of_a_file_are_found_by_decoding_it_once_and_again_when_it_changed(tmp_path, monkeypatch):
+    ledger, reads = Ledger(tmp_path), []
+    stored = Ledger.stored
+    monkeypatch.setattr(Ledger, "stored", lambda self, group: (reads.append(group), stored(self, group))[1])
+    half = len(SLOTS) // 2
+    write_atomic(
+        tmp_path / "click_bell/aloha-agilex.parquet", encoded(table_of((s, record(n)) for n, s in enumerate(SLOTS[:half])))
+    )
+    lookup, mine = Lookup(ledger), [n for n, slot in enumerate(SLOTS[:half]) if slot.cell.task == "click_bell"]
+    assert [lookup.find(SLOTS[n].path) for n in mine] == [record(n) for n in mine] and len(reads) == 1
+    assert lookup.find("no/slot") is None and lookup.find(SLOTS[-1].path) is None
+    newer = replace(record(mine[1]), phases={"render": 9.0})
+    ledger.add([(SLOTS[mine[1]], newer)])
+    assert lookup.find(SLOTS[mine[1]].path) == newer
+    write_atomic(tmp_path / "click_bell/aloha-agilex.parquet", encoded(table_of([(SLOTS[mine[0]], record(mine[0]))])))
+    assert lookup.find(SLOTS[mine[0]].path) == record(mine[0]) and lookup.find(SLOTS[mine[2]].path) is None
+    (tmp_path / "click_bell/aloha-agilex.parquet").write_bytes(b"damaged")
+    with pytest.raises(DamagedLedger):
+        lookup.find(SLOTS[mine[0]].path)
+    assert lookup.record(SLOTS[mine[0]].path) is None and lookup.find(SLOTS[mine[1]].path) == newer

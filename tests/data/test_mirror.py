@@ -8,8 +8,10 @@ import pytest
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
+from pipeline.data.lock import Busy
 from pipeline.data.mirror import Mirror, mirror_of, mirrored, replaced, sent, withdrawn
 from pipeline.data.mirror_files import is_listed, is_new
+from pipeline.data.mirror_places import forget
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe import Cell, Slot
 from pipeline.data.stamps import file_stamp
@@ -176,7 +178,8 @@ def test_a_url_that_is_too_long_is_one_line(url):
 
 
 @pytest.mark.parametrize(
-    "text", ["s4://b/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"]
+    "text",
+    ["s4://b/x", "sftp://host/x", "S3://b/x", "s3://", "s3:b/x", "file:///x", "http:/h/x", "s3://b/q?versionId=1", "s3://b/../x"],
 )
 def test_what_looks_like_a_url_and_is_none_is_refused_in_one_line(text):
     for given in (text, Path(text)):
@@ -214,3 +217,56 @@ def test_a_command_whose_lease_was_taken_over_writes_no_more(url):
         write_atomic(root / "b", b"b")
         sent(root / "b")
     assert sorted(Mirror(root).store.list()) == [".writing.json", "a"]
+
+
+def kept(tmp_path):
+    return sorted(path.name for path in (tmp_path / "cache" / "mirrors").iterdir())
+
+
+@pytest.mark.parametrize("writes", [True, False])
+def test_a_place_without_a_dataset_leaves_no_mirror(url, tmp_path, writes, monkeypatch):
+    fill(url)
+    monkeypatch.setattr(Mirror, "pull", lambda self: pytest.fail("nothing is to be fetched"))
+    before = kept(tmp_path)
+    for wrong in (f"{url}2", url.removesuffix("/set")):
+        said = rf"^{wrong} is no dataset: it has no manifest.yaml$"
+        with pytest.raises(StoreError, match=said), mirrored(wrong, writes, made=True):
+            pytest.fail("there is nothing to work on")
+    assert kept(tmp_path) == before
+    assert mirror_of(Path(tmp_path / "cache/mirrors" / before[0])).store.stat(".writing.json") is None
+
+
+def test_a_command_that_makes_nothing_leaves_no_mirror(url, tmp_path):
+    with mirrored(url) as root:
+        (root / "episodes").mkdir()
+    assert kept(tmp_path) == []
+    with pytest.raises(ValueError), mirrored(url) as root:
+        write_atomic(root / "episodes/e", b"e")
+        raise ValueError
+    assert kept(tmp_path) == []
+
+
+def test_a_mirror_that_another_command_uses_stays(url, tmp_path):
+    with mirrored(url) as a:
+        with mirrored(url, writes=False):
+            pass
+        assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
+        write_atomic(a / "manifest.yaml", b"")
+    assert kept(tmp_path) == [a.name, f"{a.name}.lock"]
+
+
+def test_the_mirrors_of_a_url_are_listed_and_removed_unless_they_are_used(url, tmp_path):
+    root = fill(url)
+    with mirrored(url, writes=False):
+        with mirrored(url, writes=False) as second:
+            pass
+        with pytest.raises(Busy, match=rf"^{url}: another command on this machine is at work"):
+            forget(url)
+    neighbour = fill(f"{url}2")
+    before = kept(tmp_path)
+    assert [place.path for place in forget(url, dry_run=True)] == [str(root), str(second)] and kept(tmp_path) == before
+    one, other = forget(url)
+    assert one.size == 2 * other.size  # of four small files the second mirror has but two, the others are listed only
+    assert kept(tmp_path) == [neighbour.name, f"{neighbour.name}.lock"] and forget(url) == []
+    with mirrored(url, writes=False) as again:
+        assert again == root and (root / "manifest.yaml").read_bytes() == b"manifest.yaml"

@@ -8,7 +8,7 @@ import fsspec
 import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 
-from pipeline.data.store import Store, StoreError
+from pipeline.data.store import Store, StoreError, _server
 
 
 @pytest.fixture
@@ -75,6 +75,48 @@ def test_a_lost_connection_is_tried_again_a_few_times(monkeypatch, lost, works):
     assert pauses == [1.0, 2.0][:lost]
 
 
+class Silent(MemoryFileSystem):
+    """A store whose server takes requests and answers none."""
+
+    protocol, endpoint_url = "silent", "http://silent:9000"
+    ended = threading.Event()
+
+    def cat_file(self, path, **options):
+        self.ended.wait(60)
+        raise ConnectionError
+
+
+def test_a_server_that_does_not_answer_is_one_line_soon():
+    fsspec.register_implementation("silent", Silent, clobber=True)
+    said = r"^cannot open silent://x/set: http://silent:9000 has not answered for 0 s: check the network and the endpoint"
+    with pytest.raises(StoreError, match=said):
+        Store("silent://x/set", pauses=()).reach("manifest.yaml", seconds=0.05)
+    Silent.ended.set()
+
+
+def test_what_was_wrong_before_the_time_ran_out_is_said(monkeypatch):
+    fsspec.register_implementation("silent", Silent, clobber=True)
+    tried = threading.Event()
+
+    def refused(*_, **__):
+        if tried.is_set():
+            Silent.ended.wait(60)
+        tried.set()
+        raise ConnectionRefusedError(111, "Connection refused")
+
+    monkeypatch.setattr(Silent, "ended", threading.Event())
+    monkeypatch.setattr(Silent, "cat_file", refused)
+    with pytest.raises(StoreError, match=r"check the network .*\(\[Errno 111\] Connection refused\)$"):
+        Store("silent://x/set", pauses=(0.0,)).reach("manifest.yaml", seconds=0.3)
+    Silent.ended.set()
+
+
+def test_the_first_request_reads_an_object(store):
+    assert store.reach("a") is None
+    store.write("a", b"1")
+    assert store.reach("a") == b"1"
+
+
 def test_a_full_disk_of_this_machine_is_no_fault_of_the_store(store, tmp_path):
     put(store, tmp_path, "a", b"four")
     with pytest.raises(OSError, match="No space left on device"):
@@ -129,10 +171,12 @@ def test_what_a_server_refuses_is_one_line_with_the_fix(monkeypatch, tmp_path):
         store = Store("s3://bucket/set", pauses=())
         for answer, said in REFUSALS.items():
             answers.append(answer)
-            for request, words in ((store.list, "list"), (lambda: put(store, tmp_path, "a", b"four"), "write")):
+            requests = {"list": store.list, "write": lambda: put(store, tmp_path, "a", b"four"), "open": lambda: store.reach("a")}
+            for words, request in requests.items():
                 with pytest.raises(StoreError, match=rf"cannot {words} s3://bucket/set(/a)?: {said}") as raised:
                     request()
                 assert "\n" not in str(raised.value) and f"The server says {answer[1]}." in str(raised.value)
+        assert _server(store._at[0]) == address
 
 
 def test_a_store_without_its_library_is_one_line():

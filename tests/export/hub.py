@@ -6,6 +6,7 @@ import json
 import threading
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import parse_qs
 
 LARGE = 2000  # bytes from which a file goes the way of large files
 
@@ -15,7 +16,7 @@ class Hub:
 
     def __init__(self):
         self.repos, self.files, self.tags, self.log = {}, {}, [], []
-        self.objects, self.broken, self.lock, self.address = {}, {}, threading.Lock(), ""
+        self.objects, self.broken, self.lock, self.address, self.query = {}, {}, threading.Lock(), "", {}
 
     def answer(self, method, path, body):
         """(status, JSON) of a call."""
@@ -72,9 +73,9 @@ class Hub:
 
 
 @contextmanager
-def running():
+def running(kind=Hub):
     """A hub that answers on this machine while the block runs."""
-    hub = Hub()
+    hub = kind()
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -83,9 +84,12 @@ def running():
             body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
             with hub.lock:
                 hub.log.append((self.command, self.path.split("?")[0], self.headers.get("Authorization")))
+                hub.query = parse_qs(self.path.partition("?")[2])
                 status, said = hub.answer(self.command, self.path.split("?")[0], body)
-            data = json.dumps(said).encode()
+            data = said if isinstance(said, bytes) else json.dumps(said).encode()
             self.send_response(status)
+            if status == 404 and "code" in said:
+                self.send_header("X-Error-Code", said["code"])
             self.send_header("Content-Type", "application/json")
             self.send_header("Content-Length", str(len(data)))
             self.end_headers()

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.data.errors import DominoError
+from pipeline.data.lock import Busy
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.state_log import Event
 from pipeline.export import EXPORTERS, ExportError, check_exports
@@ -137,6 +138,19 @@ def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset
         (folder / SUMMARY).write_text("{1}")
     assert (out / SUMMARY).read_text() == "{1}"
     assert [p.name for p in out.parent.iterdir()] == ["x"]
+
+
+def test_an_export_is_replaced_by_one_command_at_a_time(dataset):
+    out = dataset / "exports" / "x"
+    with staged(out, dataset) as folder:
+        (folder / SUMMARY).write_text("{}")
+    with staged(out, dataset) as folder:
+        with pytest.raises(Busy, match="exports/x: another command is writing it"), staged(out, dataset):
+            pass
+        (folder / SUMMARY).write_text("{1}")
+    assert (out / SUMMARY).read_text() == "{1}"
+    with staged(out, dataset):
+        pass
 
 
 def test_what_is_no_export_is_not_replaced(dataset):

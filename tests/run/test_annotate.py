@@ -14,6 +14,7 @@ from pipeline.annotate.flow import Colour
 from pipeline.annotate.keys import AnnotateError
 from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions
 from pipeline.annotate.store import read_entry
+from pipeline.data.lock import Busy, exclusive
 from pipeline.run.annotate import Execution, annotate
 from tests.synthetic import HALF, episode_path, make_episode, square_corner
 
@@ -47,6 +48,18 @@ def test_second_run_computes_nothing_and_says_so(tmp_path: Path):
     assert counts(report) == (0, 3, 0)
     assert one(report)["hit_rate"] == 1.0
     assert tree(tmp_path) == before
+
+
+def test_two_at_once_are_refused_and_a_dry_run_is_not(tmp_path: Path):
+    dataset(tmp_path, range(1))
+    (tmp_path / "annotations").mkdir()
+    with exclusive(tmp_path / "annotations"):
+        with pytest.raises(Busy, match=r"/annotations: another command is writing it"):
+            annotate(tmp_path, ["flow"], options=OPTIONS)
+        assert counts(annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))) == (1, 0, 0)
+    assert tree(tmp_path) == {}
+    with exclusive(tmp_path):  # a build
+        assert counts(annotate(tmp_path, ["flow"], options=OPTIONS)) == (1, 0, 0)
 
 
 def test_one_file_per_episode_indexed_by_absolute_frame(tmp_path: Path):

@@ -11,8 +11,11 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.lock import exclusive
+from pipeline.data.mirror import mirrored
 from pipeline.data.recipe import parse_recipe
 from pipeline.data.stamps import file_stamp
+from pipeline.data.store import Store
+from pipeline.data.user_cache import CACHE
 from pipeline.run.diff import diff
 from pipeline.run.gc import collect
 from pipeline.run.merge import merge
@@ -83,6 +86,16 @@ def test_what_differs_is_named_with_its_reason(tmp_path):
     assert diff(a, b)["differ"][2]["a"] == "is finished, and its episode is gone"
     code, out, _ = inside("diff", a.root, b.root, "--json")
     assert (code, len(json.loads(out)["differ"])) == (1, 3)
+
+
+def test_what_a_recipe_does_not_have_is_no_damage(tmp_path):
+    fewer = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 2})
+    a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0}, fewer)
+    first, second, third = RECIPE.slots()
+    assert diff(a, b)["why"] == {"is there in A, is not finished in B": 1, "not wanted by B, is there in A": 1}
+    code, out, _ = inside("diff", b.root, a.root)
+    assert code == 1 and f"{third.path}: not wanted by A, is there in B\n" in out
+    assert f"{second.path}: is not finished in A, is there in B\n" in out and first.path not in out
 
 
 # --- merge ------------------------------------------------------------------------------------------------------------------
@@ -236,3 +249,18 @@ def test_an_episode_is_found_by_its_path_however_written(tmp_path):
     for text in ("3", "../x", f"{slot.path}_v1"):
         with pytest.raises(DatasetError, match="has no such slot; write it as"):
             find_slot(dataset, RECIPE, text)
+
+
+def test_what_this_machine_keeps_of_a_url_is_listed_and_removed(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+    url = f"memory://{tmp_path.name}/set"
+    with mirrored(url) as root:
+        (root / "manifest.yaml").parent.mkdir(exist_ok=True)
+        (root / "manifest.yaml").write_text("seed: 1")
+    code, out, err = inside("gc", url, "--local", "--dry-run")
+    assert (code, err) == (0, "") and out.startswith(f"{root}: 0.0 MB\n") and "would be removed" in out and root.exists()
+    code, out, _ = inside("gc", url, "--local", "--json")
+    assert code == 0 and json.loads(out)["directories"][0]["path"] == str(root) and not root.exists()
+    assert list(Store(url).list()) == ["manifest.yaml"]
+    code, _, err = inside("gc", tmp_path, "--local")
+    assert (code, err) == (2, f"domino-data: --local is for the URL of a store, and {tmp_path} is a directory: leave it out\n")

@@ -5,7 +5,7 @@ import random
 
 from pipeline.data.recipe import parse_recipe
 from pipeline.run.verify.episode import Judged
-from pipeline.run.verify.tally import Finding, Tally
+from pipeline.run.verify.tally import Finding, Tally, closing
 
 SLOT = next(parse_recipe({"tasks": ["click_bell"]}).slots())
 
@@ -26,3 +26,14 @@ def test_counted_observations_are_the_same_as_single_ones():
 def test_a_sound_slot_is_brief_whatever_was_looked_at():
     many = Judged(SLOT, [Finding("arrays", "")] * 1000).brief()
     assert many.looked == (("arrays", 1000),) and len(pickle.dumps(many)) < 1000
+
+
+def test_the_last_line_counts_problems_and_what_has_them():
+    tally = Tally()
+    tally.add([Finding("files"), Finding("hashes")])
+    assert closing((check.as_dict() for check in tally.checks.values()), 1) == "sound: 1 episode"
+    tally.add([Finding("files", "a.hdf5: is missing"), Finding("jpeg", "b.hdf5: x"), Finding("jpeg", "b.hdf5: y: z")])
+    assert closing((check.as_dict() for check in tally.checks.values()), 0) == "3 problems in 2 files; 0 episodes without one"
+    tally = Tally()
+    tally.add([Finding("files", "a.hdf5: is missing")])
+    assert closing((check.as_dict() for check in tally.checks.values()), 7) == "1 problem in 1 file; 7 episodes without one"

@@ -13,6 +13,8 @@ from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.entries import Files
+from pipeline.data.ledger_files import group_of
+from pipeline.data.ledger_lookup import Lookup
 from pipeline.data.mirror import freed
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.engine import run
@@ -59,7 +61,8 @@ class Job:
 
 
 def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -> dict[str, Any]:
-    """Check every file of a dataset. Returns {"ok", "episodes", "open", "checks": [...], "meeting": {task: medians}}.
+    """Check every file of a dataset. Returns {"ok", "problems", "episodes", "open", "checks": [...], "meeting": {task: medians}}:
+    how many problems there are, episodes without one, and slots that were not tried yet.
 
     Slots that were not tried yet are no problem, and nothing of them is counted as checked. Raises DatasetError for a directory
     that is no dataset, EngineError where workers cannot be started or do not last.
@@ -104,13 +107,17 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     medians = _medians(sound)
     _summarise_meetings(tally, medians)
     checks = [check.as_dict() for check in tally.checks.values()]
-    return {"ok": all(c["ok"] for c in checks), "episodes": len(sound), "open": waiting, "checks": checks, "meeting": medians}
+    problems = sum(len(c["problems"]) for c in checks)
+    counts = {"ok": not problems, "problems": problems, "episodes": len(sound), "open": waiting}
+    return counts | {"checks": checks, "meeting": medians}
 
 
 def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged]:
     """Everything judged, in the order of the jobs; one that takes two workers with it is a problem of its own."""
-    queue = deque(jobs)
-    order, done, strikes = [job.name for job in queue], dict[str, Judged](), Strikes(pool.workers)
+    wanted = list(jobs)
+    order, done, strikes = [job.name for job in wanted], dict[str, Judged](), Strikes(pool.workers)
+    # the recipe's order goes from cell to cell; a worker holds the ledger of one task and robot
+    queue = deque(sorted(wanted, key=lambda job: group_of(job.slot) if job.slot else ("", "")))
     shared = dict[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]()
     if not order:
         return
@@ -150,11 +157,18 @@ def _hindrance(
 
 
 def judge() -> Callable[[Job], Judged]:
-    """The work of a worker."""
-    return lambda job: judge_one(job).brief()
+    """The work of a worker, which keeps a part of the ledger in memory."""
+    ledgers = dict[str, Lookup]()
+
+    def work(job: Job) -> Judged:
+        if job.root not in ledgers:
+            ledgers[job.root] = Lookup(Dataset(Path(job.root)).ledger)
+        return judge_one(job, ledgers[job.root]).brief()
+
+    return work
 
 
-def judge_one(job: Job) -> Judged:
+def judge_one(job: Job, ledger: Lookup) -> Judged:
     """What is wrong with a slot, or with a directory of annotations or of an export."""
     dataset = Dataset(Path(job.root))
     if job.slot is None:
@@ -164,7 +178,7 @@ def judge_one(job: Job) -> Judged:
         else:
             found = check_stage(dataset, place, {dataset.episode(slot) for slot in job.recipe.slots()})
         return Judged(next(job.recipe.slots()), list(found))
-    record, findings = check_entry(dataset, job.recipe, job.slot)
+    record, findings = check_entry(dataset, job.recipe, job.slot, ledger)
     if record is None or not record.accepted:
         return Judged(job.slot, findings)
     judged = judge_episode(dataset, job.recipe, job.slot, record)

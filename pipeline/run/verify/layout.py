@@ -12,6 +12,7 @@ from pipeline.data.dataset import REMAKE, Dataset
 from pipeline.data.episode import EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger import ATTEMPTS, SlotRecord
+from pipeline.data.ledger_lookup import Lookup
 from pipeline.data.reading import check_regular, parse_json, read_regular
 from pipeline.data.recipe import Recipe, Slot
 from pipeline.run.verify.tally import FAULTS, Finding, line, seen
@@ -39,12 +40,12 @@ def unrecorded(dataset: Dataset, slot: Slot) -> Finding:
     return Finding("files", f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}")
 
 
-def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot) -> tuple[SlotRecord | None, list[Finding]]:
+def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot, ledger: Lookup) -> tuple[SlotRecord | None, list[Finding]]:
     """The ledger entry of a slot, where it can be read, and what is wrong with it."""
     name = f"{dataset.ledger.file((slot.cell.task, slot.cell.embodiment)).relative_to(dataset.root).as_posix()}: {slot.path}"
     episode = dataset.episode(slot).relative_to(dataset.root)
     try:
-        record = dataset.ledger.find(slot.path)
+        record = ledger.find(slot.path)
         if record is None:
             raise ValueError("it is gone")
     except FAULTS as error:

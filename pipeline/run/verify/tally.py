@@ -1,7 +1,7 @@
 """What was looked at and what was wrong: one finding an observation, one check a promise."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -48,6 +48,19 @@ class Check:
             more = f" and {len(self.problems) - SPELLED_OUT} more" if len(self.problems) > SPELLED_OUT else ""
             detail += f"; {len(self.problems)} problems: " + "; ".join(self.problems[:SPELLED_OUT]) + more
         return {"name": self.name, "ok": not self.problems, "checked": self.looked, "detail": detail, "problems": self.problems}
+
+
+def closing(checks: Iterable[Mapping[str, Any]], episodes: int) -> str:
+    """The last line of `verify`: whether the dataset is sound. A problem begins with the name of what has it."""
+    problems = [problem for check in checks for problem in check["problems"]]
+    if not problems:
+        return f"sound: {_many(episodes, 'episode')}"
+    files = len({problem.partition(": ")[0] for problem in problems})
+    return f"{_many(len(problems), 'problem')} in {_many(files, 'file')}; {_many(episodes, 'episode')} without one"
+
+
+def _many(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def counted(findings: Iterable[Finding]) -> tuple[tuple[tuple[str, int], ...], list[Finding]]:
