@@ -47,21 +47,17 @@ def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
 
 
 class PlaneCounts:
-    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only.
-
-    Frames are counted as they pass, TOGETHER at a time, so that they are still in the cache of a core.
-    """
+    """`color_counts` of frames of `video.decoded_planes`, RGB being made of the pixels that count only, in batches."""
 
     def __init__(self) -> None:
-        self._counts, self._waiting = np.zeros((3, 256), np.int64), list[Any]()
+        self._counts, self._waiting = np.zeros((3, 256), np.int64), list[tuple[Any, Any, Any]]()
+        self._step = 1
 
     def passing(self, frames: Iterable[Any], rows: Collection[int]) -> Iterator[Any]:
-        """The frames, of which those numbered `rows` are counted."""
+        """The frames, of which those numbered `rows` are counted as they pass."""
         for number, frame in enumerate(frames):
             if number in rows:
-                self._waiting.append(frame)
-                if len(self._waiting) == TOGETHER:
-                    self._count()
+                self._add(frame)
             yield frame
 
     def counts(self) -> NDArray[np.int64]:
@@ -69,40 +65,50 @@ class PlaneCounts:
         self._count()
         return self._counts
 
-    def _count(self) -> None:
-        some, self._waiting = self._waiting, []
-        if some:
-            self._counts += _plane_counts(some)
-
-
-def _plane_counts(frames: Sequence[Any]) -> NDArray[np.int64]:
-    first = frames[0]
-    step = _step(first.height, first.width)
-    if first.format.name != "yuvj420p" or first.width % (2 * step) or first.height % (2 * step):
-        return color_counts([frame.to_ndarray(format="rgb24") for frame in frames])
-    width, height = first.width // step, first.height // step
-    thin: Any = np.empty((len(frames), height, width, 3), np.uint8)
-    for frame, pixels in zip(frames, thin, strict=True):
+    def _add(self, frame: Any) -> None:
+        self._step = step = _step(frame.height, frame.width)
+        if frame.format.name != "yuv420p" or frame.width % (2 * step) or frame.height % (2 * step):
+            self._counts += color_counts([frame.to_ndarray(format="rgb24", src_color_range="JPEG")])
+            return
         luma, blue, red = (samples(plane) for plane in frame.planes)
-        luma, *chroma = (_thinned(plane, (width, height)) for plane in (luma, _at_pixels(red, step), _at_pixels(blue, step)))
-        cv2.merge((luma, *chroma), pixels)
-    # the range is the full one of a JPEG
-    return _counts(cv2.cvtColor(thin.reshape(-1, width, 3), cv2.COLOR_YCrCb2RGB))
+        self._waiting.append((_thinned(luma, step), *(_spread(chroma, step) for chroma in (red, blue))))
+        if len(self._waiting) == TOGETHER:
+            self._count()
+
+    def _count(self) -> None:
+        if not self._waiting:
+            return
+        luma, *chroma = (np.stack(planes) for planes in zip(*self._waiting, strict=True))
+        self._waiting.clear()
+        width = luma.shape[2]
+        planes: Any = [plane.reshape(-1, width) for plane in (luma, *(_at_pixels(plane, self._step) for plane in chroma))]
+        # the range is the full one of a JPEG
+        self._counts += _counts(cv2.cvtColor(cv2.merge(planes), cv2.COLOR_YCrCb2RGB))
 
 
-def _at_pixels(chroma: NDArray[np.uint8], step: int) -> Any:
-    """Chroma (h,w) interpolated linearly, as libjpeg does it, at the pixels that count: at all or, where `step` is even, at the
-    upper left of each 2 by 2 block."""
+def _spread(chroma: Any, step: int) -> Any:
+    """Chroma (h,w) interpolated linearly, as libjpeg does it, at all pixels that count; where `step` is even, what `_at_pixels`
+    interpolates from, (h+1,w+1)."""
     if step % 2:
-        return cv2.resize(chroma, (2 * chroma.shape[1], 2 * chroma.shape[0]), interpolation=cv2.INTER_LINEAR)
-    wider = cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
-    across = cv2.addWeighted(wider[:, 1:], 0.75, wider[:, :-1], 0.25, 0)
-    return cv2.addWeighted(across[1:], 0.75, across[:-1], 0.25, 0)
+        return _thinned(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
+    return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
 
 
-def _thinned(plane: Any, size: tuple[int, int]) -> Any:
-    """A plane with `size` = (width, height) evenly spaced samples."""
-    return plane if plane.shape == size[::-1] else cv2.resize(plane, size, interpolation=cv2.INTER_NEAREST)
+def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """Chroma of N frames of `_spread` at the pixels that count: where `step` is even, at the upper left of blocks of 2 by 2."""
+    if step % 2:
+        return spread
+    flat: Any = spread.reshape(-1, spread.shape[2])
+    across: Any = cv2.addWeighted(flat[:, 1:], 0.75, flat[:, :-1], 0.25, 0).reshape(*spread.shape[:2], -1)
+    return cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)[:, :: step // 2, :: step // 2]
+
+
+def _thinned(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """Every step-th sample of a plane, both ways, as an array of its own."""
+    if step not in (2, 4, 8):
+        return plane[::step, ::step].copy()
+    # the low byte of an integer: many at a time
+    return plane[::step].view(f"<u{step}").astype(np.uint8)
 
 
 def _step(height: int, width: int) -> int:

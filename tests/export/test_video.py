@@ -64,13 +64,32 @@ def test_the_range_of_a_jpeg_becomes_that_of_a_video_as_libswscale_does_it():
     import av
 
     values = np.arange(256, dtype=np.uint8)
-    frame = av.VideoFrame(512, 16, "yuvj420p")
-    for plane in frame.planes:
+    ours, theirs = (av.VideoFrame(512, 16, name) for name in ("yuv420p", "yuvj420p"))
+    for plane in (*ours.planes, *theirs.planes):
         rows = np.zeros((plane.height, plane.line_size), np.uint8)
         rows[:, : plane.width] = np.resize(values, plane.width)
         plane.update(rows.tobytes())
-    for got, want in zip(limited(frame).planes, frame.reformat(format="yuv420p").planes, strict=True):
+    for got, want in zip(limited(ours).planes, theirs.reformat(format="yuv420p").planes, strict=True):
         np.testing.assert_array_equal(samples(got), samples(want))
+
+
+@pytest.mark.parametrize("sampling", ["420", "422", "444", "440", "gray"])
+def test_frames_of_every_sampling_have_the_range_and_colors_that_ffmpeg_gives_their_jpegs(sampling):
+    import av
+
+    image = cv2.normalize(
+        cv2.GaussianBlur(np.random.default_rng(0).normal(size=(32, 48, 3)), (0, 0), 3), None, 0, 255, cv2.NORM_MINMAX
+    )
+    options = (
+        [] if sampling == "gray" else [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{sampling}")]
+    )
+    jpeg = cv2.imencode(".jpg", image[..., 0] if sampling == "gray" else image, options)[1].tobytes()
+    plain = av.CodecContext.create("mjpeg", "r")
+    for frame in decoded_planes([jpeg, jpeg]):
+        [want] = plain.decode(av.Packet(jpeg))
+        np.testing.assert_array_equal(frame.to_ndarray(format="rgb24", src_color_range="JPEG"), want.to_ndarray(format="rgb24"))
+        for ours, theirs in zip(limited(frame).planes, want.reformat(format="yuv420p").planes, strict=True):
+            np.testing.assert_array_equal(samples(ours), samples(theirs))
 
 
 def test_every_episode_starts_with_a_key_frame_even_with_gaps_between_them(tmp_path):
@@ -110,11 +129,11 @@ def test_planes_of_a_jpeg_give_the_same_video_and_colors_as_its_pixels():
     frames = [cv2.GaussianBlur(rng.integers(0, 256, (240, 320, 3), np.uint8), (0, 0), 3) for _ in range(4)]
     jpegs = [bytes(data) for data in encode_frames(np.stack(frames))]
     pixels, planes = [decode_frame(jpeg) for jpeg in jpegs], list(decoded_planes(jpegs))
+    counted, rows = PlaneCounts(), {*range(0, 12, 2), *range(1, 12, 4), 11}
+    assert list(counted.passing(planes * 3, rows)) == planes * 3
     of_planes, of_pixels = (encode(images, 15, Codec(crf=5)) for images in (planes, pixels))
     for (_, a), (_, b), want in zip(frames_of(io.BytesIO(of_planes)), frames_of(io.BytesIO(of_pixels)), pixels, strict=True):
         assert np.abs(a.astype(int) - want).mean() < 1.02 * np.abs(b.astype(int) - want).mean() + 0.1
-    counted, rows = PlaneCounts(), {*range(0, 12, 2), *range(1, 12, 4), 11}
-    assert list(counted.passing(planes * 3, rows)) == planes * 3
     got, wanted = counted.counts(), color_counts([(pixels * 3)[row] for row in rows])
     assert got.sum() == wanted.sum() and len(rows) > TOGETHER
     np.testing.assert_allclose(got @ np.arange(256) / got.sum(1), wanted @ np.arange(256) / wanted.sum(1), atol=0.3)
