@@ -34,12 +34,20 @@ def frame_size(jpeg: bytes) -> tuple[int, int] | None:
     return None
 
 
+def stated_size(jpeg: bytes) -> tuple[int, int]:
+    """`frame_size`. Raises EpisodeError where there is none, or a side longer than LARGEST."""
+    size = frame_size(jpeg)
+    if size is None:
+        raise EpisodeError("a frame does not decode as JPEG")
+    if max(size) > LARGEST:
+        raise EpisodeError(f"a frame claims to be {max(size)} pixels wide or high; {LARGEST} are allowed")
+    return size
+
+
 def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
     """JPEG bytes -> (H,W,3) uint8 RGB. Raises EpisodeError for bytes that are no image, or one larger than LARGEST."""
-    side = max(frame_size(jpeg) or (0, 0))
-    if side > LARGEST:
-        raise EpisodeError(f"a frame claims to be {side} pixels wide or high; {LARGEST} are allowed")
-    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
+    stated_size(jpeg)
+    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
         raise EpisodeError("a frame does not decode as JPEG")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)

@@ -168,7 +168,7 @@ def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
         count = len(camera_poses[camera])
         if count != frames:
             raise ExportError(f"{path}: {camera} has {count} images for {frames} frames")
-        sizes.add(file.rgb(camera, 0).shape[:2])
+        sizes.add(file.size(camera))
     if len(sizes) > 1:
         raise ExportError(f"{path}: its cameras differ in size: {sorted(sizes)}")
     return Facts(

@@ -268,7 +268,7 @@ class Tables:
     def column(self, name: str) -> NDArray[Any]:
         """A column of all closed files, (N,) or (N,d)."""
         files = sorted(self.root.rglob("*.parquet"))
-        chunks = [pq.read_table(p, columns=[name])[name].combine_chunks() for p in files]
+        chunks = [pq.ParquetFile(p).read(columns=[name], use_threads=False)[name].combine_chunks() for p in files]
         if isinstance(self.schema.field(name).type, pa.FixedSizeListType):
             return np.concatenate([c.flatten().to_numpy().reshape(len(c), -1) for c in chunks])
         return np.concatenate([c.to_numpy() for c in chunks])

@@ -65,9 +65,11 @@ def event_rows(facts: Facts, keys: Mapping[str, str]) -> list[list[dict[str, Any
         kind, poses = facts.meta.drawing.cameras[camera].camera(camera).type, facts.camera_poses[camera]
         now = track(kind, poses, facts.target[:, :3])
         later = trace_of(facts, camera)[:, TRACE_EVERY - 1 :: TRACE_EVERY]
+        places = np.round(np.concatenate([now[:, None, :2], later[:, :, :2]], axis=1), 1).tolist()
+        before = (later[:, :, 2] > 0).tolist()
         for t in np.flatnonzero(now[:, 3]):
-            points = [now[t, :2], *(point[:2] for point in later[t] if point[2] > 0)]
-            content = {"label": label, "point_format": "xy", "points": np.round(points, 1).tolist()}
+            points = [place for place, shown in zip(places[t], (True, *before[t]), strict=True) if shown]
+            content = {"label": label, "point_format": "xy", "points": points}
             rows[t].append({"role": "assistant", "content": json.dumps(content), "style": "trace", "camera": keys[camera]})
     return rows
 

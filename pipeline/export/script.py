@@ -74,9 +74,14 @@ def script_of(facts: Facts) -> Script:
     steps = np.rint(facts.log.times * facts.meta.physics_hz).astype(int)
     names = spoken_names(facts)
     met = max((run.end for run in runs if run.half == "meet"), default=0)
-    texts = Script([], [], [])
+    texts, before = Script([], [], []), list[SkillRun]()
     for step in steps:
         now = [run for run in runs if run.start <= step < run.end]
+        if now and now == before:
+            for column in (texts.subtask, texts.skill, texts.stage):
+                column.append(column[-1])
+            continue
+        before = now
         inner = [run for i, run in enumerate(now) if not any(_within(other, run) for other in now[i + 1 :])]
         outer = [run for i, run in enumerate(now) if not any(_within(run, other) for other in now[:i])]
         texts.skill.append("+".join(dict.fromkeys(run.skill for run in sorted(inner, key=_order))) or WAIT)
