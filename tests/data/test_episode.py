@@ -16,7 +16,7 @@ from PIL import Image
 from pipeline.data import episode_writer as module
 from pipeline.data.episode import Episode, EpisodeError, EpisodeFile, open_episode
 from pipeline.data.episode_writer import write_episode
-from pipeline.data.jpeg import decode_frame
+from pipeline.data.jpeg import decode_frame, encode_frames, stated_size
 from pipeline.data.names import is_embodiment, is_name
 from pipeline.data.spec import EpisodeSpec
 from tests.synthetic import CAMERAS, COLORS, make_episode, make_log, make_meta, make_view
@@ -112,6 +112,16 @@ def test_frames_are_true_rgb_for_another_decoder(tmp_path, made):
                 assert np.abs(theirs - rgb).mean() < 3
                 assert np.abs(theirs - ours[t]).max() <= 3
                 np.testing.assert_array_equal(file.rgb(view.camera.name, t), ours[t])
+            assert file.size(view.camera.name) == ours[0].shape[:2]
+
+
+def test_a_size_is_that_of_a_whole_header_and_not_too_large():
+    header = bytes(encode_frames(np.zeros((1, 16, 40, 3), np.uint8))[0])
+    assert stated_size(header) == (40, 16)
+    at = header.index(b"\xff\xc0") + 5
+    for wrong, said in ((header[:at], "does not decode"), (header[:at] + b"\xff\xff" + header[at + 2 :], "65535 pixels")):
+        with pytest.raises(EpisodeError, match=said):
+            stated_size(wrong)
 
 
 def test_the_same_episode_gives_the_same_bytes_at_another_time(tmp_path, made):
