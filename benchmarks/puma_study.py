@@ -1,9 +1,9 @@
 """PUMA against itself without history and without auxiliary prediction: several seeds, two tasks, levels 1 and 3.
 
     domino-data build --manifest manifests/puma-study.yaml --out DATA
-    domino-data export DATA --format parquet
     domino-data annotate DATA --stages flow
     domino-data annotate DATA --stages masks --mask-source sim
+    domino-data export DATA --format parquet
     python -m benchmarks.puma_study run --data DATA --out OUT [--seeds 1,2,3] [--configs ...] [--steps 2000] [--episodes 20]
     python -m benchmarks.puma_study page --out OUT
 

@@ -36,9 +36,9 @@ class Group:
 
 
 def cells(task: str) -> Iterator[Cell]:
-    """Level 0 once, since a target that stands still knows no alpha; levels 1 and 3 at three alphas, level 2 at 0.1 m/s."""
-    for level, alphas in ((0, (0.1,)), (1, ALPHAS), (2, (0.1,)), (3, ALPHAS)):
-        for alpha in alphas:
+    """Level 0 once, since a target that stands still knows no alpha; the others at three alphas."""
+    for level in (0, 1, 2, 3):
+        for alpha in ALPHAS if level else (0.1,):
             yield Cell(task, "aloha-agilex", level, alpha, "clean")
 
 
