@@ -16,6 +16,7 @@ EPISODES = {
     "domino-117k": 117_000,
     "smoke": 6 * 3 * 2,
     "puma-tiny": 2 * 400,
+    "puma-study": 2 * 2 * 200,
     "paper/35-tasks": 35 * 50,
     "paper/10-tasks": 10 * 50,
     "paper/5-tasks": 5 * 3 * 50,
