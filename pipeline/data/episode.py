@@ -94,6 +94,8 @@ class EpisodeFile:
 
     def _values(self, key: str, found: object) -> NDArray[Any]:
         dataset = self._checked(key, found)
+        if dataset.get_space().get_simple_extent_type() == h5s.NULL:
+            raise EpisodeError(f"{self.path}: {key} cannot be read (it has no values)")
         try:
             values = np.empty(dataset.shape, dataset.dtype)
             dataset.read(h5s.ALL, h5s.ALL, values)

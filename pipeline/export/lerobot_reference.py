@@ -8,8 +8,6 @@ encode. Three parts are made by us, and the tests hold them against what lerobot
 - meta/episodes: its writer infers the type of a column from its values, and a time is null where an event did not happen.
 """
 
-import functools
-import gc
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,14 +23,11 @@ class MissingLerobot(DominoError):
     """lerobot cannot be imported; the message says what to install."""
 
 
-@functools.cache
 def _lerobot() -> tuple[Any, Any, Any]:
     try:
         from lerobot.datasets import feature_utils, io_utils, utils
     except ImportError as error:
         raise MissingLerobot(f"--format lerobot needs lerobot ({error}): install domino-data[lerobot]") from error
-    # what lerobot imports stays: half a million objects, 0.25 s whenever the collector walks over them
-    gc.freeze()
     return feature_utils, io_utils, utils
 
 

@@ -150,6 +150,28 @@ def test_a_truncated_file_is_named(tmp_path, keep):
         EpisodeFile(path)
 
 
+@pytest.mark.parametrize("key", ["target/pose", "interception/left_hand"])
+@pytest.mark.parametrize(
+    ("put", "said"),
+    [
+        (lambda f, key: f.create_dataset(key, data=h5py.Empty("f8")), "cannot be read"),
+        (lambda f, key: f.__setitem__(key, h5py.SoftLink(f"/{key}")), "cannot be read"),
+        (lambda f, key: f.__setitem__(key, h5py.SoftLink("/nowhere")), "has no"),
+        (lambda f, key: f.__setitem__(key, h5py.ExternalLink("other.hdf5", "/x")), "has no"),
+        (lambda f, key: f.__setitem__(key, np.dtype("f8")), "has no"),
+    ],
+    ids=["no values", "a circle", "a dead end", "another file", "a type"],
+)
+def test_what_stands_in_place_of_an_array_is_refused_and_named(tmp_path, key, put, said):
+    path = make_episode(tmp_path / "e.hdf5", frames=2)
+    with h5py.File(path, "r+") as f:
+        if key in f:
+            del f[key]
+        put(f, key)
+    with EpisodeFile(path) as file, pytest.raises(EpisodeError, match=rf"e\.hdf5.*{key}.*{said}|e\.hdf5: {said} {key}"):
+        (file.interception if key.startswith("interception") else lambda: file.array(key))()
+
+
 def test_other_files_are_refused(tmp_path):
     with pytest.raises(EpisodeError, match="missing"):
         EpisodeFile(tmp_path / "missing.hdf5")
