@@ -43,12 +43,13 @@ from pipeline.export.lerobot_format import (
 from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns, with_language
 from pipeline.export.lerobot_options import INDEX, LerobotOptions, datasets_of, index_row
 from pipeline.export.lerobot_prepare import Prepared, Source, prepare_all
-from pipeline.export.lerobot_reference import data_schema, write_meta
+from pipeline.export.lerobot_reference import data_schema, require_lerobot, write_meta
 from pipeline.export.options import option, whole
 from pipeline.export.provenance import Provenance, scalars
 from pipeline.export.reuse import Draft
 from pipeline.export.stats import Stats, image_stats, vector_stats
 from pipeline.export.video_file import Clip, VideoFile
+from pipeline.garbage import settled
 
 VERSION = "v3.0"
 ROWS_PER_GROUP = 100
@@ -77,9 +78,10 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
     def export(self, job: Job[O]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
-        that differ in fps, cameras, image size or joint names."""
+        that differ in fps, cameras, image size or joint names. Raises MissingLerobot."""
+        require_lerobot()
         codec = job.options.video()
-        with self.draft(job) as draft:
+        with settled(), self.draft(job) as draft:
             folder, known = draft.folder, Known(draft)
             parts, index = {}, []
             for name, (root, paths) in datasets_of(job.episodes, folder, job.options.per_task).items():

@@ -23,7 +23,8 @@ class MissingLerobot(DominoError):
     """lerobot cannot be imported; the message says what to install."""
 
 
-def _lerobot() -> tuple[Any, Any, Any]:
+def require_lerobot() -> tuple[Any, Any, Any]:
+    """lerobot's modules feature_utils, io_utils and utils. Raises MissingLerobot."""
     try:
         from lerobot.datasets import feature_utils, io_utils, utils
     except ImportError as error:
@@ -36,7 +37,7 @@ def data_schema(features: Mapping[str, Mapping[str, Any]]) -> pa.Schema:
 
     Raises MissingLerobot.
     """
-    feature_utils, _, _ = _lerobot()
+    feature_utils, _, _ = require_lerobot()
     shaped = {name: {**feature, "shape": tuple(feature["shape"])} for name, feature in features.items()}
     return feature_utils.get_hf_features_from_features(shaped).arrow_schema
 
@@ -48,7 +49,7 @@ def write_meta(root: Path, info: Mapping[str, Any], tasks: Sequence[str], stats:
     """
     import pandas as pd
 
-    _, io_utils, utils = _lerobot()
+    _, io_utils, utils = require_lerobot()
     dataset = utils.DatasetInfo.from_dict({**info, "features": {name: dict(f) for name, f in info["features"].items()}})
     (root / "meta").mkdir(parents=True, exist_ok=True)
     io_utils.write_info(dataset, root)
@@ -62,7 +63,7 @@ def write_card(root: Path, description: str, frames: int, dataset: Any = None) -
 
     Raises MissingLerobot.
     """
-    _, _, utils = _lerobot()
+    _, _, utils = require_lerobot()
     card = utils.create_lerobot_dataset_card(
         tags=list(TAGS),
         dataset_info=dataset,

@@ -4,11 +4,11 @@ Jobs are pure and write their own artifacts, so neither the executor nor the num
 engine knows no simulator and no dataset.
 """
 
-import gc
 from collections import deque
 from collections.abc import Generator
 
-from pipeline.run.pool import Check, Died, Done, Limit, Make, Pool, settle
+from pipeline.garbage import settled
+from pipeline.run.pool import Check, Died, Done, Limit, Make, Pool
 
 
 def run[J, R](
@@ -31,13 +31,10 @@ def run[J, R](
         if check is not None:
             check()
         work = make()
-        settle()
-        try:
+        with settled():
             while jobs:
                 job = jobs.popleft()
                 yield Done(job, work(job))
-        finally:
-            gc.unfreeze()
         return
     # Ray takes half a second to import
     from pipeline.run.ray_engine import run_on_ray

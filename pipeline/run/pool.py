@@ -1,6 +1,5 @@
 """Who does the work, what ends a job, and the limits a worker is watched by: the engine's contract."""
 
-import gc
 import os
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
@@ -83,13 +82,3 @@ def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
     if name == "auto":
         name = "inline" if count == 1 else "ray"
     return name, 1 if name == "inline" else count
-
-
-def settle() -> None:
-    """Once the work is made: take what exists out of garbage collection.
-
-    Python collects everything only when a quarter as many new objects as old ones have stayed, so behind the many of the imports
-    the garbage of ten attempts would wait, 200 MB.
-    """
-    gc.collect()
-    gc.freeze()

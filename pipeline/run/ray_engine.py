@@ -16,8 +16,9 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from pipeline.data.errors import DominoError
+from pipeline.garbage import settle
 from pipeline.run.guard import children_named
-from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool, settle
+from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool
 from pipeline.run.ray_session import session
 
 _START_SECONDS = 300.0

@@ -58,7 +58,6 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     accelerator = started(config.train, out)
     main = accelerator.is_main_process
     _claim(config, out, main)
-    trackers.begin(accelerator, config)
     corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
     if config.train.start is not None:
         corpus = _as_before(corpus, checkpoint.load(config.train.start))
@@ -79,6 +78,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     rows, last = list[dict[str, Any]](), min(steps or config.train.steps, config.train.steps)
     timing = Timing()
     bar = tqdm(total=last, initial=step, unit="step", disable=quiet or not main, dynamic_ncols=True)
+    trackers.begin(accelerator, config)
     try:
         for batch in loader:
             if step >= last:
