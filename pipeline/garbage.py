@@ -9,16 +9,10 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 
-def settle() -> None:
-    """Take what exists out of garbage collection, for as long as the process lives."""
-    gc.collect()
-    gc.freeze()
-
-
 @contextmanager
 def settled() -> Generator[None]:
     """Take what exists out of garbage collection for a while."""
-    settle()
+    gc.freeze()
     try:
         yield
     finally:

@@ -4,12 +4,15 @@ lerobot itself is not imported here: that costs every process some ten seconds.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+
+import cv2
 
 from pipeline.export.common import ExportError, Facts, read_facts, reading
 from pipeline.export.lerobot_encoded import Encoded, clip_name
@@ -58,9 +61,10 @@ def prepare(source: Source, dataset: Path, codec: Codec) -> Prepared:
 def prepare_all(sources: Iterable[Source], dataset: Path, codec: Codec, workers: int) -> Iterator[Prepared]:
     """`prepare` for all sources in order, in `workers` processes, at most two episodes a worker ahead of the reader."""
     if workers <= 1:
-        yield from (prepare(source, dataset, codec) for source in sources)
+        with _one_thread():
+            yield from (prepare(source, dataset, codec) for source in sources)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), cv2.setNumThreads, (1,)) as pool:
         pending: deque[Future[Prepared]] = deque()
         try:
             for source in sources:
@@ -74,3 +78,14 @@ def prepare_all(sources: Iterable[Source], dataset: Path, codec: Codec, workers:
         finally:
             for future in pending:
                 future.cancel()
+
+
+@contextmanager
+def _one_thread() -> Generator[None]:
+    """OpenCV in one thread: its others would wait busily between calls of some microseconds."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)

@@ -1,6 +1,7 @@
 """Jobs on Ray workers: hired, watched from outside, replaced when they are lost or have done their share."""
 
 import ctypes
+import gc
 import os
 import select
 import signal
@@ -16,7 +17,6 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from pipeline.data.errors import DominoError
-from pipeline.garbage import settle
 from pipeline.run.guard import children_named
 from pipeline.run.pool import Check, Died, Done, EngineError, Limit, Make, Pool
 from pipeline.run.ray_session import session
@@ -102,7 +102,8 @@ class _Process:
         except DominoError as error:
             raise EngineError(f"node {name}: {error}") from None
         self._work = make()
-        settle()
+        gc.collect()
+        gc.freeze()  # for good, for the reason that pipeline.garbage gives
         return _Place(ray.get_runtime_context().get_node_id(), os.getpid(), name, facts)
 
     def do(self, job: Any) -> Any:
