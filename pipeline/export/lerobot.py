@@ -49,7 +49,7 @@ from pipeline.export.provenance import Provenance, scalars
 from pipeline.export.reuse import Draft
 from pipeline.export.stats import Stats, image_stats, vector_stats
 from pipeline.export.video_file import Clip, VideoFile
-from pipeline.garbage import settled
+from pipeline.memory import settled
 
 VERSION = "v3.0"
 ROWS_PER_GROUP = 100

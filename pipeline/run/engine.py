@@ -8,7 +8,7 @@ import gc
 from collections import deque
 from collections.abc import Generator
 
-from pipeline.garbage import settled
+from pipeline.memory import settled
 from pipeline.run.pool import Check, Died, Done, Limit, Make, Pool
 
 

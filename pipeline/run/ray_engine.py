@@ -103,7 +103,7 @@ class _Process:
             raise EngineError(f"node {name}: {error}") from None
         self._work = make()
         gc.collect()
-        gc.freeze()  # for good, for the reason that pipeline.garbage gives
+        gc.freeze()  # for good, for the reason that pipeline.memory gives
         return _Place(ray.get_runtime_context().get_node_id(), os.getpid(), name, facts)
 
     def do(self, job: Any) -> Any:

@@ -14,6 +14,7 @@ from pipeline.data.episode import EpisodeError
 from pipeline.data.keys import SlotKeys
 from pipeline.data.ledger import FileFacts, SlotRecord
 from pipeline.data.recipe import Recipe, Slot
+from pipeline.memory import trim
 from pipeline.run import running
 from pipeline.run.failures import Failed, keep_failure, remove_failures
 from pipeline.run.keys import code_version, slot_keys
@@ -68,6 +69,7 @@ def fill_logged(job: SlotJob) -> SlotRecord:
         for row in record.attempts:
             if row["reason"]:
                 print(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}: {row['detail']}")
+    trim()
     return send_slot(dataset, job.slot, record)
 
 

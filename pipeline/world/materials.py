@@ -138,7 +138,7 @@ def _textured(pattern: str, color: Color, seed: int | None, roughness: float, me
     return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=16)
 def texture_pixels(source: TextureSource) -> Rgba:
     """The image (H,W,4) uint8 sRGB of a texture, read-only; row 0 is v = 0. Raises KeyError for an unknown kind."""
     if source.kind not in TEXTURES:

@@ -92,7 +92,7 @@ def register[F: type](name: str) -> Callable[[F], F]:
     def enter(cls: F) -> F:
         FAMILIES.add(name, cls)
         for method in ("shape", "frames"):
-            setattr(cls, method, lru_cache(maxsize=32)(getattr(cls, method)))
+            setattr(cls, method, lru_cache(maxsize=4)(getattr(cls, method)))
         return cls
 
     return enter
