@@ -89,19 +89,22 @@ def _with_motion(scene: Scene, recipe: Recipe, phases: Phases) -> tuple[DryRun, 
     """
     steps, refused = 0, list[Failure]()
     try:
-        for dry in _dry_runs(scene, recipe.fps, phases):
-            steps += dry.steps
-            try:
-                with phases("back_calculate"):
-                    motion = back_calculate(scene, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
-                return dry, motion, steps
-            except Failure as no_motion:
-                refused.append(no_motion)
-    except Failure as failure:
-        steps += failure.steps
-        refused.append(failure)
-    refused[0].steps = steps
-    raise refused[0]
+        try:
+            for dry in _dry_runs(scene, recipe.fps, phases):
+                steps += dry.steps
+                try:
+                    with phases("back_calculate"):
+                        motion = back_calculate(scene, dry, camera=recipe.camera, lead=recipe.lead, speed_bound=recipe.speed_bound)
+                    return dry, motion, steps
+                except Failure as no_motion:
+                    refused.append(no_motion)
+        except Failure as failure:
+            steps += failure.steps
+            refused.append(failure)
+        refused[0].steps = steps
+        raise refused[0]
+    finally:
+        refused.clear()  # they refer to this frame
 
 
 def attempt(spec: EpisodeSpec, recipe: Recipe, phases: Phases) -> Rollout:

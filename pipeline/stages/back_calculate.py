@@ -47,6 +47,4 @@ def back_calculate(scene: Scene, dry: DryRun, *, camera: str, lead: float, speed
             speed_bound="maximum" if speed_bound == "maximum" else "average",
         )
     except NoMotion as no:
-        failure = Failure("back_calculate", "no_motion", str(no))
-        failure.drawn = no.features
-        raise failure from no
+        raise Failure("back_calculate", "no_motion", str(no), drawn=no.features) from no

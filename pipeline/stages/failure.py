@@ -15,13 +15,25 @@ class Failure(Exception):
     `detail` says more in words; `conditions` names the success conditions that did not hold, where the reason is no_success;
     `drawn` are the features of the target's motion, where one was drawn, `motion` that motion and `meeting` (s) when it was to be
     met, where it was replayed; `log` is what was recorded until then, if anything was.
+
+    Raise it without giving it a name first: a frame that refers to an exception which refers to the frame stays, with all that its
+    callers hold, until garbage is collected: 150 MB of images.
     """
 
-    def __init__(self, stage: str, reason: str, detail: str = "", conditions: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        stage: str,
+        reason: str,
+        detail: str = "",
+        conditions: tuple[str, ...] = (),
+        *,
+        steps: int = 0,
+        drawn: Features | None = None,
+        log: StateLog | None = None,
+    ) -> None:
         super().__init__(f"{stage}: {reason}" + (f" ({detail})" if detail else ""))
-        self.stage, self.reason, self.detail, self.conditions, self.steps = stage, reason, detail, conditions, 0
-        self.drawn: Features | None = None
-        self.log: StateLog | None = None
+        self.stage, self.reason, self.detail, self.conditions = stage, reason, detail, conditions
+        self.steps, self.drawn, self.log = steps, drawn, log
         self.motion: TargetMotion | None = None
         self.meeting = 0.0
 
@@ -37,9 +49,7 @@ def failing_as(stage: str, actor: Actor) -> Iterator[None]:
     try:
         yield
     except PlanFailure as plan:
-        failure = Failure(stage, plan.reason, str(plan))
-        failure.steps, failure.log = actor.steps, actor.log()
-        raise failure from plan
+        raise Failure(stage, plan.reason, str(plan), steps=actor.steps, log=actor.log()) from plan
     except Failure as failure:
         failure.steps, failure.log = actor.steps, actor.log()
         raise

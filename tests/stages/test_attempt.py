@@ -1,15 +1,19 @@
 """An attempt grasps the target from another side before it gives the drawn motion up."""
 
+import gc
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
 from pipeline.data.recipe import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.motion.back_calculate import NoMotion
 from pipeline.stages import attempt as module
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.dry_run import FIRST, Variation, dry_run
 from pipeline.stages.failure import Failure
-from pipeline.stages.scene import build_scene
+from pipeline.stages.scene import Scene, build_scene
 
 BLOCKED = EpisodeSpec("move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876)
 """A can in the corner of its workspace: the hand that comes in level stands where it would have to come from."""
@@ -28,6 +32,19 @@ def test_another_grasp_lets_the_drawn_motion_in(monkeypatch):
     assert drawn is not None and done.motion.features().average_speed == pytest.approx(drawn.average_speed)
     # both dry runs and the replay count
     assert done.steps > refused.value.steps + done.replay.steps
+
+
+@pytest.mark.parametrize("grasps", [1, 3], ids=["given up", "solved by another grasp"])
+def test_what_an_attempt_held_goes_without_garbage_collection(monkeypatch, grasps):
+    monkeypatch.setattr(module, "GRASPS", grasps)
+    gc.collect()
+    gc.disable()
+    try:
+        with suppress(Failure):
+            attempt(BLOCKED, RECIPE, Phases())
+        assert not any(type(each) in (Failure, NoMotion, Scene) for each in gc.get_objects())
+    finally:
+        gc.enable()
 
 
 def test_an_avoided_approach_is_not_taken_again():
