@@ -4,6 +4,7 @@ import ctypes
 import gc
 from collections.abc import Generator
 from contextlib import contextmanager
+from functools import cache
 
 
 @contextmanager
@@ -25,5 +26,10 @@ def trim() -> None:
 
     By itself it keeps what lies below the newest allocation: after 200 slots that would be a fifth of a worker's memory.
     """
-    if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
-        libc.malloc_trim(0)
+    if hasattr(library := _c_library(), "malloc_trim"):
+        library.malloc_trim(0)
+
+
+@cache
+def _c_library() -> ctypes.CDLL:
+    return ctypes.CDLL(None)
