@@ -1,6 +1,6 @@
 """What 117,600 slots cost a build, its status and its report: the real build, ledger and engine around a fake stage of 1 ms.
 
-    python -m benchmarks.dataset_size [--episodes 112] [--out DIRECTORY] [--ray 4]
+    python -m benchmarks.dataset_size [--episodes 112] [--out DIRECTORY] [--ray 16]
 
 35 tasks on five robots at levels 1-3 in both domains are 1050 cells; `--episodes` of each. The stage sleeps, writes an empty file
 in place of an episode and returns an entry with real keys, one to three attempts and eleven assets. Every row of the table is a
@@ -100,7 +100,7 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
         found["slots"] = result.made
         found["first job s"] = first.stat().st_mtime - began
         spent = sum(json.loads(text)["stage"] for text in stage)
-        found["overhead ms"] = 1000 * ((time.time() - first.stat().st_mtime) * workers - spent) / result.made
+        found["overhead ms"] = 1000 * (time.time() - first.stat().st_mtime - spent / workers) / result.made
         if workers == 1 and not name.startswith("ray"):
             found["processor ms"] = 1000 * (time.process_time() - float(first.read_text())) / result.made
     if name == "report":
@@ -127,7 +127,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=112)
-    parser.add_argument("--ray", type=int, default=4, help="episodes a cell of the builds with Ray")
+    parser.add_argument("--ray", type=int, default=16, help="episodes a cell of the builds with Ray")
     parser.add_argument("--out", type=Path, default=None, help="directory for the datasets, kept afterwards")
     parser.add_argument("--step", default="")
     given = parser.parse_args()
