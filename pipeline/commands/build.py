@@ -205,6 +205,6 @@ def plan(
     lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
     costs = f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
     lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
-    if parts := values["estimated_bytes_by_part"]:
+    if left and (parts := values["estimated_bytes_by_part"]):
         lines.append("bytes: " + ", ".join(f"{name} {said(size)}" for name, size in parts.items()))
     say(values, as_json, "\n".join(lines))

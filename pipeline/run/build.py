@@ -4,7 +4,7 @@ import json
 import platform
 import time
 from collections import Counter, deque
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -34,6 +34,7 @@ from pipeline.run.metrics import Metrics
 from pipeline.run.node import NodeCheck
 from pipeline.run.pool import Died, Done, EngineError, Limit, Pool
 from pipeline.run.progress import Kind, Progress
+from pipeline.run.ray_session import session
 from pipeline.run.slot import Lost, SlotJob, slot_worker
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
 from pipeline.run.strikes import Strikes
@@ -81,11 +82,13 @@ def build(
     device = ensure_renderer()
     dataset = Dataset(root)
     meshes = find_meshes(recipe.robot_meshes, [dataset.assets, *([assets] if assets else [])])
-    dataset.create(recipe)
-    with exclusive(root):
-        copy_meshes(meshes, dataset.assets)
-        sent(*dataset.assets.glob("robots/**/*"))
-        return _build(dataset, recipe, pool, timeout, shown, device)
+    # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
+    with session(pool) if pool.address and not dataset.manifest.exists() else nullcontext():
+        dataset.create(recipe)
+        with exclusive(root):
+            copy_meshes(meshes, dataset.assets)
+            sent(*dataset.assets.glob("robots/**/*"))
+            return _build(dataset, recipe, pool, timeout, shown, device)
 
 
 def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: Kind, device: str) -> BuildResult:

@@ -20,9 +20,12 @@ from pipeline.world.robots.mesh_store import copy_meshes, find_meshes
 from pipeline.world.vulkan import ensure_renderer
 
 SECONDS_PER_EPISODE = 5.0
-"""Core seconds of an accepted episode at 320x240 in the `raster` preset, where nothing was measured (README)."""
+"""Core seconds of an accepted episode at 320x240 in the `raster` preset, where nothing was measured; about half on quiet, fast
+cores (README)."""
 
-BYTES_PER_EPISODE = 3.5e6
+BYTES_PER_EPISODE = 7.4e6
+"""Bytes of an episode file, three cameras of 320x240, where nothing was measured: the mean over the 35 tasks on aloha at level 2,
+one episode of each in the clean domain (7.0e6) and one in the randomized domain (7.9e6)."""
 
 MEASURED = 3
 """Slots that a measurement makes, besides the first, which pays for what is loaded once."""
@@ -58,6 +61,8 @@ class Cost:
 
     def said(self, episodes: int, workers: int) -> str:
         """About how long and how much, in words."""
+        if not episodes:
+            return "nothing is left to make"
         minutes = 60 * self.hours(episodes, workers)
         time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
         amount = sizes.said(episodes * self.size)
@@ -79,13 +84,20 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
     phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
     few = accepted.kept(_spread(len(table), LOOKED_AT)).slots
     known = [size for size in table["size"].to_pylist() if size]
+    size = float(np.mean(known)) if known else BYTES_PER_EPISODE
     return Cost(
         float(np.mean([float(each) or clock for each, (clock, _) in zip(spent, phases, strict=True)])),
-        float(np.mean(known)) if known else BYTES_PER_EPISODE,
+        size,
         "this dataset",
         _mean_core([core for _, core in phases]),
-        sizes.mean_parts(dataset.episode(slot) for slot in few),
+        _shares(size, sizes.mean_parts(dataset.episode(slot) for slot in few)),
     )
+
+
+def _shares(size: float, parts: Mapping[str, float]) -> dict[str, float]:
+    """Bytes by part that add up to `size`, in the proportions of `parts`, which may be of fewer files."""
+    total = sum(parts.values())
+    return {name: size * part / total for name, part in parts.items()} if total else {}
 
 
 def _spread(count: int, most: int) -> NDArray[np.bool_]:

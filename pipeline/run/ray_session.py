@@ -102,24 +102,34 @@ def _local(workers: int) -> Iterator[None]:
 def _joined(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
     import ray
     from ray.exceptions import RayError
+    from ray.runtime_env import RuntimeEnv
 
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or "//" in host:
         raise EngineError(f"--address {address} is not host:port: run the command on a machine of the cluster")
+    # an actor without a share of a GPU must still see it: SAPIEN draws on it
+    variables = SINGLE_THREAD | {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"} | dict(wanted.get("env_vars", {}))
+    environment: dict[str, Any] = dict(wanted) | {"env_vars": variables}
+    try:
+        RuntimeEnv(**environment)
+    except (TypeError, ValueError) as error:
+        raise EngineError(f"--runtime-env: {' '.join(str(error).split())}") from error
     try:
         # Ray itself would try for minutes
         socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS).close()
     except OSError as error:
-        raise EngineError(f"no Ray cluster at {address}: {error.strerror or error}") from error
-    # an actor without a share of a GPU must still see it: SAPIEN draws on it
-    variables = SINGLE_THREAD | {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"} | dict(wanted.get("env_vars", {}))
-    environment = dict(wanted) | {"env_vars": variables}
+        raise EngineError(
+            f"no Ray cluster at {address}: {error.strerror or error}; start one (docs/cluster.md), or name another --address"
+        ) from error
     try:
         with signals_deferred():
             try:
                 ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env=environment)
             except (ConnectionError, RuntimeError, ValueError, RayError) as error:
-                raise EngineError(f"no Ray cluster at {address}: {' '.join(str(error).split())}") from error
+                raise EngineError(
+                    f"no Ray cluster at {address} lets this command in: {' '.join(str(error).split())}; RAY_AUTH_MODE, "
+                    "RAY_AUTH_TOKEN and the version of Ray must be those that it was started with (docs/cluster.md)"
+                ) from error
         yield
     finally:
         with signals_deferred():

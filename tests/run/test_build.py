@@ -304,6 +304,14 @@ def test_bad_input_is_one_line_and_nothing_is_written(monkeypatch, tmp_path, arg
     assert sorted(p.name for p in tmp_path.iterdir()) == ["broken.yaml", "unknown.yaml"]
 
 
+def test_a_cluster_that_cannot_be_joined_leaves_no_dataset(tmp_path):
+    # which would refuse another recipe
+    code, out, err = inside("build", "--tasks", "click_bell", "--address", "127.0.0.1:1", "--out", str(tmp_path / "set"))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "no Ray cluster at 127.0.0.1:1" in err and "another --address" in err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("verb", [("status",), ("verify",), ("export", "--format", "parquet")])
 @pytest.mark.parametrize("place", ["missing", "foreign", "file", "damaged"])
 def test_a_place_that_is_no_dataset_is_one_line(tmp_path, verb, place):

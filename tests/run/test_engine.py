@@ -96,6 +96,13 @@ def test_a_cluster_that_is_not_there_is_one_line():
         assert "\n" not in str(caught.value)
 
 
+def test_a_runtime_environment_that_ray_refuses_is_one_line():
+    pool = Pool("ray", 1, "127.0.0.1:1", runtime_env={"env_vars": {"NUMBER": 1}})
+    with pytest.raises(EngineError, match=r"^--runtime-env: .*env_vars") as caught, session(pool):
+        raise AssertionError
+    assert "\n" not in str(caught.value)
+
+
 def test_the_second_worker_lost_on_the_same_try_is_one_too_many():
     strikes = Strikes(workers=1)
     assert [strikes.out("slot", 0), strikes.out("slot", 1), strikes.out("slot", 1)] == [False, False, True]

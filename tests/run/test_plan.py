@@ -66,12 +66,26 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
     assert sum(parts.values()) == values["estimated_bytes"] == 3 * dataset.episode(slot).stat().st_size
 
 
+def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.run.cost.LOOKED_AT", 1)
+    dataset = Dataset(tmp_path)
+    dataset.create(RECIPE)
+    for slot, frames in zip(RECIPE.slots(), (4, 16), strict=False):
+        make_episode(dataset.episode(slot), frames=frames)
+        file = FileFacts(size=dataset.episode(slot).stat().st_size)
+        rows = (attempt_row(0) | {"seconds": 7.0},)
+        dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=file))])
+    cost = cost_of(dataset, RECIPE)
+    assert sum(cost.parts.values()) == pytest.approx(cost.size)
+
+
 @pytest.mark.parametrize(
     ("seconds", "episodes", "workers", "said"),
     [
         (60, 10, 2, "about 5 min on 2 workers and 20 MB (from x)"),
         (3600, 3, 1, "about 3.0 h on 1 worker and 6 MB (from x)"),
         (1, 1000, 10, "about 2 min on 10 workers and 2.0 GB (from x)"),
+        (1, 0, 10, "nothing is left to make"),
     ],
 )
 def test_an_estimate_is_said_in_round_figures(seconds, episodes, workers, said):
