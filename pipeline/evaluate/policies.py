@@ -4,6 +4,7 @@ The first part of a name, up to a colon, may be a kind of policy: FORMS has one 
 """
 
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -71,7 +72,10 @@ def policy_name(text: str) -> PolicyName:
     if kind not in POLICIES:
         forms = "".join(f", {form}:..." for form in FORMS)
         raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
-    _arguments(text)
+    _, arguments = _arguments(text)
+    known = list(signature(POLICIES[kind]).parameters)
+    if unknown := [key for key in arguments if key not in known]:
+        raise PolicyError(f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}")
     return PolicyName(text, text)
 
 

@@ -3,14 +3,16 @@
 lerobot itself is not imported here: that costs every process some ten seconds.
 """
 
+import os
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 
 import cv2
 
@@ -64,7 +66,7 @@ def prepare_all(sources: Iterable[Source], dataset: Path, codec: Codec, workers:
         with _one_thread():
             yield from (prepare(source, dataset, codec) for source in sources)
         return
-    with ProcessPoolExecutor(workers, get_context("spawn"), cv2.setNumThreads, (1,)) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), start_worker) as pool:
         pending: deque[Future[Prepared]] = deque()
         try:
             for source in sources:
@@ -78,6 +80,22 @@ def prepare_all(sources: Iterable[Source], dataset: Path, codec: Codec, workers:
         finally:
             for future in pending:
                 future.cancel()
+
+
+def start_worker() -> None:
+    """Prepare a process of the pool: OpenCV in one thread, and an end with the process that started it.
+
+    Workers of a killed process would wait for ever: each holds the queue open that the others read.
+    """
+    cv2.setNumThreads(1)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

@@ -17,6 +17,10 @@ from pipeline.export.common import ExportError
 DEFAULTS = {"h264": (20, "ultrafast"), "libsvtav1": (32, "12"), "hevc": (25, "ultrafast")}
 """crf and preset by encoder."""
 
+_X26 = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo")
+TAKEN = {"h264": (51, _X26), "libsvtav1": (63, tuple(map(str, range(14)))), "hevc": (51, _X26)}
+"""Largest crf, and presets, by encoder. Encoders clip a larger crf without a word."""
+
 ONE_THREAD = {
     "h264": {"threads": "1"},
     "libsvtav1": {"svtav1-params": "fast-decode=0:lp=1:enable-tf=0"},
@@ -66,9 +70,14 @@ class Codec:
         return {"g": str(self.gop), "crf": str(self.quality), "preset": preset, **ONE_THREAD[self.name], **predicted}
 
     def check(self) -> None:
-        """Raise ExportError for an encoder that is unknown here."""
+        """Raise ExportError for an encoder that is unknown here, and for a crf or preset that it does not take."""
         if self.name not in CODECS or self.name not in pyav().codecs_available:
             raise ExportError(f"video codec {self.name!r} is not available: use {', '.join(CODECS)}")
+        largest, presets = TAKEN[self.name]
+        if not 0 <= self.quality <= largest:
+            raise ExportError(f"--crf {self.quality}: {self.name} takes 0 to {largest}")
+        if self.preset is not None and self.preset not in presets:
+            raise ExportError(f"--preset {self.preset!r}: {self.name} takes {', '.join(presets)}")
 
 
 def pyav() -> Any:

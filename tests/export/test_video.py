@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.jpeg import EpisodeError, decode_frame, encode_frames
+from pipeline.export.common import ExportError
 from pipeline.export.stats import TOGETHER, PlaneCounts, color_counts
 from pipeline.export.video import Codec, decoded_planes, encode, frames_of, limited, samples
 from pipeline.export.video_file import Clip, VideoFile
@@ -144,3 +145,17 @@ def test_planes_of_a_damaged_jpeg_are_refused(spoil):
     jpeg = bytes(encode_frames(np.full((1, 32, 32, 3), 90, np.uint8))[0])
     with pytest.raises(EpisodeError, match="does not decode"):
         list(decoded_planes([jpeg, spoil(jpeg)]))
+
+
+def test_settings_that_an_encoder_clips_or_does_not_know_are_refused():
+    for codec, said in (
+        (Codec("h264", crf=52), "--crf 52: h264 takes 0 to 51"),
+        (Codec("libsvtav1", crf=64), "--crf 64: libsvtav1 takes 0 to 63"),
+        (Codec("h264", preset="12"), "--preset '12': h264 takes ultrafast, "),
+        (Codec("libsvtav1", preset="ultrafast"), "--preset 'ultrafast': libsvtav1 takes 0, 1, "),
+    ):
+        with pytest.raises(ExportError) as caught:
+            codec.check()
+        assert str(caught.value).startswith(said)
+    Codec("h264", crf=51, preset="placebo").check()
+    Codec("libsvtav1", crf=63, preset="13").check()

@@ -53,7 +53,12 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
     policy = PumaPolicy(held.model(), held.preprocessing)
     corpus = open_corpus(config)
     wrong, answers, different, shown = np.zeros(len(held.preprocessing.names)), 0, 0, 0
-    for source, part in zip(config.data.sources, corpus.validation or corpus.train, strict=True):
+    validated = {id(part.cache): part for part in corpus.validation}
+    for source, training in zip(config.data.sources, corpus.train, strict=True):
+        # of a mixture, some datasets may have no episode in the validation split
+        part = validated.get(id(training.cache)) if validated else training
+        if part is None:
+            continue
         shards = Shards(source, config)
         for number in sorted({*part.episode.tolist()})[:episodes]:
             shard = shards.read(shards.rows[number])

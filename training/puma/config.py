@@ -12,11 +12,12 @@ from training.puma.errors import TrainError
 CONFIGS = Path(__file__).parent / "configs"
 """Configurations that come with the package, one YAML file each."""
 
+_Beta = Annotated[float, Field(ge=0, lt=1)]
 _Size = tuple[Annotated[int, Field(ge=16, le=4096)], Annotated[int, Field(ge=16, le=4096)]]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
 
 
 class Lora(_Part):
@@ -50,6 +51,12 @@ class Backbone(_Part):
     """Of the tiny backbone: points that are located in each image."""
     words: Annotated[int, Field(ge=64)] = 1024
     """Entries of the hashed vocabulary, used where no tokenizer comes with the weights."""
+
+    @model_validator(mode="after")
+    def _divides(self) -> "Backbone":
+        if self.kind == "tiny" and self.width % self.heads:
+            raise ValueError(f"width {self.width} is no multiple of heads {self.heads}")
+        return self
 
 
 class Model(_Part):
@@ -103,7 +110,7 @@ class Data(_Part):
 
     sources: tuple[Source, ...] = ()
     """The mixture."""
-    cameras: tuple[str, ...] = ("head_camera", "left_camera", "right_camera")
+    cameras: Annotated[tuple[str, ...], Field(min_length=1)] = ("head_camera", "left_camera", "right_camera")
     """Images the policy sees; the first one is where the past is looked at."""
     image_size: _Size = (224, 224)
     """Height and width of all images at the model."""
@@ -137,9 +144,9 @@ class Train(_Part):
     floor_rate: Annotated[float, Field(ge=0)] = 5e-7
     """Learning rate of the backbone at the end; that of the heads ends at the same share of its peak."""
     warmup: Annotated[int, Field(ge=0)] = 5000
-    betas: tuple[float, float] = (0.9, 0.95)
-    epsilon: float = 1e-8
-    weight_decay: float = 1e-8
+    betas: tuple[_Beta, _Beta] = (0.9, 0.95)
+    epsilon: Annotated[float, Field(gt=0)] = 1e-8
+    weight_decay: Annotated[float, Field(ge=0)] = 1e-8
     clip: Annotated[float, Field(gt=0)] = 1.0
     """Largest norm of the gradient."""
     world_weight: Annotated[float, Field(ge=0)] = 0.05

@@ -114,7 +114,9 @@ class Shards:
         columns = {camera: f"image_{EXPORTED_CAMERAS.get(camera, camera)}" for camera in self.config.data.cameras}
         for camera, column in columns.items():
             if column not in there:
-                raise TrainError(f"{self.root}: has no images of {camera}; data.cameras can be {', '.join(there)} (without image_)")
+                stored = {exported: name for name, exported in EXPORTED_CAMERAS.items()}
+                names = [stored.get(name, name) for name in (c.removeprefix("image_") for c in there)]
+                raise TrainError(f"{self.root}: has no images of {camera}; data.cameras can be {', '.join(names)}")
         return columns
 
     @cached_property
@@ -136,7 +138,8 @@ class Shards:
             except AnnotateError as error:
                 if "several" in str(error):
                     raise TrainError(f"{error} or delete all but one") from error
-                raise TrainError(f"{self.dataset} has no annotations {stage}; run: {self._annotate(stage)}") from error
+                command = self._annotate(stage) + (" --mask-source sim" if stage == "masks" else "")
+                raise TrainError(f"{self.dataset} has no annotations {stage}; run: {command}") from error
         return found
 
     def _annotate(self, stage: str) -> str:

@@ -57,8 +57,17 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     """
     accelerator = started(config.train, out)
     main = accelerator.is_main_process
-    _claim(config, out, main)
-    corpus = open_corpus(config, lambda text: None if quiet or not main else print(text, flush=True))
+    _claim(config, out)
+
+    def tell(text: str) -> None:
+        if main and not quiet:
+            print(text, flush=True)
+
+    corpus = open_corpus(config, tell)
+    if config.data.validation and not corpus.validation:
+        tell(
+            f"no validation errors: no episode fell into the split (data.validation {config.data.validation}); build more episodes"
+        )
     if config.train.start is not None:
         corpus = _as_before(corpus, checkpoint.load(config.train.start))
     torch.manual_seed(config.train.seed)
@@ -75,6 +84,8 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     if held:
         checkpoint.load_optimizer(network, adamw, held[-1])
     run = _Run(config, out, accelerator, model, network, optimizer, adamw, corpus)
+    if main:
+        _begin(config, out, step)
     rows, last = list[dict[str, Any]](), min(steps or config.train.steps, config.train.steps)
     timing = Timing()
     bar = tqdm(total=last, initial=step, unit="step", disable=quiet or not main, dynamic_ncols=True)
@@ -256,20 +267,32 @@ def on[T](values: T, device: torch.device | str) -> T:
     return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
 
 
-def _claim(config: Config, out: Path, main: bool) -> None:
-    """Write the configuration into the run's directory, or check that it holds this one: only the number of steps may change."""
+def _claim(config: Config, out: Path) -> None:
+    """Raise TrainError where `out` has checkpoints of another configuration: only the number of steps may change."""
     path = out / "config.yaml"
-    if path.exists():
-        held = path.read_text()
-        same = config.model_copy(update={"train": config.train.model_copy(update={"steps": 1})}).to_yaml()
-        before = parse_config(yaml.safe_load(held), str(path))
-        before = before.model_copy(update={"train": before.train.model_copy(update={"steps": 1})}).to_yaml()
-        if before != same:
-            raise TrainError(f"{out} holds a run of another configuration (its config.yaml): choose another --out")
-    if main:
-        out.mkdir(parents=True, exist_ok=True)
-        sweep(out)
-        write_atomic(path, config.to_yaml().encode())
+    if not path.exists() or not checkpoint.checkpoints(out):
+        return
+    before = trackers.flat(parse_config(yaml.safe_load(path.read_text()), str(path)).model_dump(mode="json"))
+    now = trackers.flat(config.model_dump(mode="json"))
+    keys = sorted(before.keys() | now.keys())
+    other = [key for key in keys if before.get(key) != now.get(key) and key != "train.steps"]
+    if other:
+        said = ", ".join(f"{key} {before.get(key)}, now {now.get(key)}" for key in other[:3])
+        raise TrainError(f"{out} holds a run of another configuration ({said}): choose another --out, or the same keys")
+
+
+def _begin(config: Config, out: Path, step: int) -> None:
+    """Write the configuration into the run's directory, and leave in its log what the first `step` steps wrote.
+
+    A killed run has logged steps that its newest checkpoint does not know; they are done, and logged, again.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    sweep(out)
+    write_atomic(out / "config.yaml", config.to_yaml().encode())
+    log = out / LOG
+    if log.exists():
+        held = log.read_bytes().splitlines(keepends=True)[:step]
+        write_atomic(log, b"".join(held))
 
 
 def _as_before(corpus: Corpus, held: checkpoint.Loaded) -> Corpus:

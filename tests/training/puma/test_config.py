@@ -43,6 +43,10 @@ def test_unknown_keys_and_wrong_values_are_refused():
     assert refused({"execute": {"actions": 17}}) == "file.yaml: execute.actions 17 is more than model.chunk 16"
     assert "no multiple of train.accumulate" in refused({"train": {"batch": 5, "accumulate": 2}})
     assert "exclude each other" in refused({"execute": {"ensemble": 0.1, "blend": 2}})
+    assert "train.betas.1: Input should be less than 1" in refused({"train": {"betas": [0.9, 2]}})
+    assert "train.clip: Input should be a finite number" in refused({"train": {"clip": float("nan")}})
+    assert "data.cameras: Tuple should have at least 1 item" in refused({"data": {"cameras": []}})
+    assert "model.backbone: width 128 is no multiple of heads 7" in refused({"model": {"backbone": {"kind": "tiny", "heads": 7}}})
     assert refused({}, "train.stepz=3") == "puma-tiny: train.stepz is unknown"
     assert refused({}, "train.steps") == "--set 'train.steps': write key=value, for example train.steps=1000"
     with pytest.raises(TrainError, match="--config 'nothing' is unknown: give a YAML file or one of puma-2b, "):

@@ -55,7 +55,7 @@ def test_a_cache_is_found_again_and_another_size_is_another_one(dataset: Path, c
     config, told = config_of(dataset, cache), list[str]()
     first = open_cache(config.data.sources[0], config)
     assert open_cache(config.data.sources[0], config, told.append).path == first.path and not told
-    other = changed(config, "data", image_size=(64, 64))
+    other = changed(config, "data", image_size=(48, 64))
     assert open_cache(config.data.sources[0], other, told.append).path != first.path and len(told) == 1
 
 
@@ -196,6 +196,9 @@ def test_what_is_missing_is_named_with_its_command(copy: Path, tmp_path: Path):
     assert fails(changed(config, "model", stride=3)).endswith(flow)
     shutil.rmtree(next(copy.glob("annotations/features@*")))
     assert fails(config).endswith(f"run: {head} --stages masks,features --cameras head_camera")
+    shutil.rmtree(next(copy.glob("annotations/masks@*")))
+    boxes = config_of(copy, tmp_path / "cache", world="boxes")
+    assert fails(boxes).endswith(f"run: {head} --stages masks --cameras head_camera --mask-source sim")
     one = config_of(copy, tmp_path / "cache", world="none")
     next(copy.glob("annotations/flow@*/click_bell/*/*/*/episode_0000001.h5")).unlink()
     assert "is missing or damaged; run: domino-data annotate" in fails(one)

@@ -16,8 +16,9 @@ from pipeline.evaluate.policy import Observation, PolicyError, Start
 from tests.synthetic import episode_path, vector_names
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint
+from training.puma.cache import Cache
 from training.puma.checks import overfit, replay_check
-from training.puma.config import Config, Execute
+from training.puma.config import Config, Execute, Source
 from training.puma.data import Corpus, Part, batch_of, open_corpus
 from training.puma.errors import TrainError
 from training.puma.model.inputs import inputs_of
@@ -61,6 +62,44 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_bits(dataset: Path, cache: P
     assert all(torch.equal(value, ends[1][name]) for name, value in ends[0].items())
 
 
+def test_steps_that_a_killed_run_logged_are_logged_once(run: Path, dataset: Path, cache: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(run, tmp_path / "run"))
+    wanted = (copy / LOG).read_bytes()
+    shutil.rmtree(checkpoint.newest(copy))
+    with (copy / LOG).open("ab") as file:
+        file.write(b'{"step": 7, "lo')
+    train(config_of(dataset, cache, clock=True), copy, quiet=True)
+    assert (copy / LOG).read_bytes() == wanted
+
+
+def test_a_refused_run_leaves_nothing_and_what_was_never_trained_may_change(dataset: Path, cache: Path, tmp_path: Path):
+    config = with_train(config_of(dataset, cache), steps=1)
+    missing = config.model_copy(update={"data": config.data.model_copy(update={"cameras": ("nose",)})})
+    with pytest.raises(TrainError, match=r"has no images of nose; data.cameras can be head_camera, left_camera$"):
+        train(missing, tmp_path / "run", quiet=True)
+    assert not (tmp_path / "run").exists()
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "config.yaml").write_text(missing.to_yaml())
+    train(config, tmp_path / "run", quiet=True)
+    assert checkpoint.load(tmp_path / "run").step == 1
+
+
+def test_a_mixture_is_replayed_where_only_one_part_is_validated(
+    dataset: Path, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def split(found: Cache, share: float) -> tuple[list[int], list[int]]:
+        return ([0], [1]) if len(found.rows) == 2 else ([0], [])
+
+    monkeypatch.setattr("training.puma.data.split_episodes", split)
+    sources = tuple(Source(dataset=dataset, where=where) for where in ("slot=2", "slot in (0, 1)"))
+    config = config_of(dataset, cache)
+    config = config.model_copy(update={"data": config.data.model_copy(update={"sources": sources})})
+    train(config, tmp_path / "run", steps=1, quiet=True)
+    found = replay_check(tmp_path / "run", None, 3)
+    # the second of three episodes has 9 frames: chunks are asked for at 0 and 4
+    assert found["episodes"] == 1 and found["answers"] == 2 and found["different"] == 0
+
+
 def test_a_checkpoint_says_how_it_was_made_and_holds_no_pickle(run: Path):
     held = checkpoint.load(run)
     assert held.step == 6 and held.path.name == "step_00000006"
@@ -92,7 +131,7 @@ def test_validation_is_the_open_loop_error(run: Path, dataset: Path, cache: Path
 def test_a_changed_preprocessing_or_configuration_is_refused(run: Path, dataset: Path, cache: Path, tmp_path: Path):
     copy = Path(shutil.copytree(run, tmp_path / "run"))
     other = with_train(config_of(dataset, cache, clock=True), seed=5)
-    with pytest.raises(TrainError, match="holds a run of another configuration"):
+    with pytest.raises(TrainError, match=r"holds a run of another configuration \(train.seed 0, now 5\)"):
         train(other, copy, quiet=True)
     path = checkpoint.newest(copy) / "preprocessing.json"
     path.write_text(path.read_text().replace('"stride": 2', '"stride": 3'))
