@@ -59,6 +59,6 @@ def verify(
         pool = Pool()
     values = run_verify(source, pool, not quiet and not as_json)
     lines = [f"{'ok  ' if c['ok'] else 'FAIL'} {c['name']}: {c['detail']}" for c in values["checks"]]
-    say(values, as_json, "\n".join([*lines, closing(values["checks"], values["episodes"])]))
+    say(values, as_json, "\n".join([*lines, closing(values["checks"], values["episodes"], values["open"])]))
     if not values["ok"]:
         raise typer.Exit(1)

@@ -7,7 +7,7 @@ import numpy as np
 Z95 = 1.959963984540054
 
 
-def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
+def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, float]:
     """Wilson's score interval of a proportion, in 0-1; (0, 1) without trials. Wilson (1927), JASA 22:209-212."""
     if trials == 0:
         return 0.0, 1.0

@@ -46,7 +46,8 @@ def over_tasks(
 ) -> list[Row]:
     """Means of cells over their tasks, all and by category (interception, tracking); every task counts the same.
 
-    The interval is a bootstrap over episodes inside each task.
+    The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T tasks: wider than need be where
+    tasks differ, and no point where all episodes end alike. That of the scores is a bootstrap over episodes inside each task.
     """
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
@@ -56,7 +57,9 @@ def over_tasks(
     for key, tasks in cells.items():
         values = {name: [[float(row[field]) for row in group] for group in tasks.values()] for name, field in MEANS.items()}
         means: Row = {name: scale(name) * float(np.mean([np.mean(v) for v in groups])) for name, groups in values.items()}
-        intervals = {f"{name}_interval": [scale(name) * x for x in _stratified(groups)] for name, groups in values.items()}
+        rate, effective = means["success_rate"] / 100, len(tasks) ** 2 / sum(1 / len(group) for group in tasks.values())
+        intervals = {f"{name}_interval": list(_stratified(groups)) for name, groups in values.items()}
+        intervals["success_rate_interval"] = [100 * x for x in wilson(rate * effective, effective)]
         head = dict(zip((*by, "category"), key, strict=True))
         out.append(head | {"tasks": len(tasks), "episodes": sum(map(len, tasks.values()))} | means | intervals)
     return out

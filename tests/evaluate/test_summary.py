@@ -72,6 +72,10 @@ def test_every_task_counts_the_same_in_a_mean():
     assert means[1, "all"]["manipulation_score"] == 80.0
     assert means[1, "tracking"]["success_rate"] == 50.0
     assert means[1, "interception"]["tasks"] == 1
+    for kind, solved, episodes in (("interception", 1, 1), ("tracking", 1, 2)):
+        wanted = binomtest(solved, episodes).proportion_ci(method="wilson")
+        assert means[1, kind]["success_rate_interval"] == pytest.approx((100 * wanted.low, 100 * wanted.high))
+    # tasks of one and two episodes: the variance of the mean is that of 2^2 / (1 + 1/2) episodes
     low, high = means[1, "all"]["success_rate_interval"]
-    assert (low, high) == (50.0, 100.0)
+    assert (low, high) == pytest.approx([100 * x for x in wilson(2.0, 8 / 3)])
     assert means[3, "all"]["episodes"] == 1

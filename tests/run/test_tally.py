@@ -31,9 +31,10 @@ def test_a_sound_slot_is_brief_whatever_was_looked_at():
 def test_the_last_line_counts_problems_and_what_has_them():
     tally = Tally()
     tally.add([Finding("files"), Finding("hashes")])
-    assert closing((check.as_dict() for check in tally.checks.values()), 1) == "sound: 1 episode"
+    assert closing((check.as_dict() for check in tally.checks.values()), 1, 0) == "sound: 1 episode"
+    assert closing((check.as_dict() for check in tally.checks.values()), 2, 1) == "sound: 2 episodes; 1 slot not built yet"
     tally.add([Finding("files", "a.hdf5: is missing"), Finding("jpeg", "b.hdf5: x"), Finding("jpeg", "b.hdf5: y: z")])
-    assert closing((check.as_dict() for check in tally.checks.values()), 0) == "3 problems in 2 files; 0 episodes without one"
+    assert closing((check.as_dict() for check in tally.checks.values()), 0, 0) == "3 problems in 2 files; 0 episodes without one"
     tally = Tally()
     tally.add([Finding("files", "a.hdf5: is missing")])
-    assert closing((check.as_dict() for check in tally.checks.values()), 7) == "1 problem in 1 file; 7 episodes without one"
+    assert closing((check.as_dict() for check in tally.checks.values()), 7, 0) == "1 problem in 1 file; 7 episodes without one"

@@ -4,11 +4,14 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipeline.data.errors import DominoError
+
+if TYPE_CHECKING:
+    from training.puma.config import Config
 
 app = typer.Typer(help="Train and run PUMA, a policy for moving objects.", no_args_is_help=True, add_completion=False)
 
@@ -21,10 +24,11 @@ Quiet = Annotated[bool, typer.Option(help="No progress bar.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 
 
-def _config(name: str, settings: list[str] | None, data: list[Path] | None):
+def configuration(name: str, settings: list[str] | None, data: list[Path] | None) -> "Config":
+    """A configuration by its name, with settings "key=value", and with datasets, whose paths hold from any directory."""
     from training.puma.config import read_config
 
-    extra = [f"data.sources={json.dumps([{'dataset': str(path)} for path in data])}"] if data else []
+    extra = [f"data.sources={json.dumps([{'dataset': str(path.absolute())} for path in data])}"] if data else []
     return read_config(name, [*extra, *(settings or [])])
 
 
@@ -40,7 +44,7 @@ def train(
     from training.puma.parallel import part
     from training.puma.train import train as run
 
-    result = run(_config(config, settings, data), out, quiet=quiet)
+    result = run(configuration(config, settings, data), out, quiet=quiet)
     part()
     print(f"{result.checkpoint}")
 
@@ -86,7 +90,7 @@ def overfit(
     """Train on one batch until its loss is near zero; exit code 1 where it does not fall to a tenth."""
     from training.puma.checks import overfit as run
 
-    found = run(_config(config, settings, data), steps)
+    found = run(configuration(config, settings, data), steps)
     text = f"loss {found['first']:.4f} -> {found['last']:.4f} in {steps} steps on one batch of {found['samples']}"
     print(json.dumps(found) if as_json else text)
     if found["last"] > 0.1 * found["first"]:
@@ -122,7 +126,7 @@ def bench(
     """Measure training, data loading and inference on made-up data."""
     from training.puma.bench import report
 
-    found = report(_config(config, settings, None), compiled)
+    found = report(configuration(config, settings, None), compiled)
     print(json.dumps(found) if as_json else "\n".join(f"{name:40} {value}" for name, value in found.items()))
 
 

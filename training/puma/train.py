@@ -181,14 +181,15 @@ class _Run:
         if self.accelerator.num_processes > 1:
             values: Any = self.accelerator.reduce(torch.tensor(list(totals.values()), device=device), "mean")
             totals = dict(zip(totals, values.tolist(), strict=True))
+        if not math.isfinite(totals["loss"]):
+            fix = "lower train.head_rate and train.backbone_rate, or look for values in the data that are no numbers"
+            raise TrainError(f"the loss is {totals['loss']} at step {step + 1}: {fix}")
         start = time.perf_counter()
         norm = self.accelerator.clip_grad_norm_(self.model.parameters(), settings.clip)
         self.optimizer.step()
         self.optimizer.zero_grad()
         timing.backward += time.perf_counter() - start
         timing.samples += settings.batch
-        if not math.isfinite(totals["loss"]):
-            raise TrainError(f"the loss is {totals['loss']} at step {step + 1}: lower train.head_rate and train.backbone_rate")
         self._waited = time.perf_counter()
         rate = self.optimizer.param_groups[0]["lr"]
         return {"step": step + 1, **totals, "rate": rate, "norm": float(0.0 if norm is None else whole(norm))}

@@ -77,7 +77,7 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False) -
     files = Files(dataset.episodes)
     tally.add(unrecorded(dataset, slot) for slot, _ in found if slot not in recorded and files.there(slot))
     stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
-    with session(pool), tqdm(total=len(jobs), unit="ep", disable=not progress, dynamic_ncols=True) as bar:
+    with session(pool), tqdm(total=0, unit="job", disable=not progress, dynamic_ncols=True) as bar:
         judged = list(_judge(jobs, pool, bar))
         for each in judged:
             tally.add_counted(each.looked, each.findings)
@@ -121,6 +121,8 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
     shared = dict[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]()
     if not order:
         return
+    bar.total += len(order)
+    bar.refresh()
     limit = Limit[Job](lambda job: EPISODE_SECONDS if job.slot else DIRECTORY_SECONDS)
     with closing(run(judge, queue, pool, limit)) as ends:
         for end in ends:

@@ -50,11 +50,14 @@ class Check:
         return {"name": self.name, "ok": not self.problems, "checked": self.looked, "detail": detail, "problems": self.problems}
 
 
-def closing(checks: Iterable[Mapping[str, Any]], episodes: int) -> str:
-    """The last line of `verify`: whether the dataset is sound. A problem begins with the name of what has it."""
+def closing(checks: Iterable[Mapping[str, Any]], episodes: int, waiting: int) -> str:
+    """The last line of `verify`: whether the dataset is sound, and how many slots are `waiting` to be built.
+
+    A problem begins with the name of what has it.
+    """
     problems = [problem for check in checks for problem in check["problems"]]
     if not problems:
-        return f"sound: {_many(episodes, 'episode')}"
+        return f"sound: {_many(episodes, 'episode')}" + (f"; {_many(waiting, 'slot')} not built yet" if waiting else "")
     files = len({problem.partition(": ")[0] for problem in problems})
     return f"{_many(len(problems), 'problem')} in {_many(files, 'file')}; {_many(episodes, 'episode')} without one"
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from training.puma.cli import configuration
 from training.puma.config import CONFIGS, Config, names, parse_config, read_config, yaml
 from training.puma.errors import TrainError
 
@@ -75,3 +76,9 @@ def test_a_file_stands_on_another_one(tmp_path: Path):
 def test_queries_are_counted():
     assert Config().model.queries == 20
     assert read_config("puma-4b-no-auxiliary").model.queries == 16
+
+
+def test_a_dataset_is_named_for_every_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    (source,) = configuration("puma-tiny", None, [Path("out/bells")]).data.sources
+    assert source.dataset == tmp_path / "out" / "bells"
