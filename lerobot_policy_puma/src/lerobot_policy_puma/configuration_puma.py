@@ -34,10 +34,10 @@ class PumaConfig(PreTrainedConfig):
 
     @property
     def resolved(self) -> Config:
-        """The configuration without what a LeRobot dataset cannot give."""
+        """The configuration without what a LeRobot dataset cannot give, with its cameras where they are known already."""
         cameras = [key.rpartition(".")[2] for key in self.image_features or {}]
         off = ["model.world=none", "model.clock=false", "model.history_times=false", "model.oracle=false"]
-        return read_config(self.puma, [*self.settings, *off, f"data.cameras={cameras}"])
+        return read_config(self.puma, [*self.settings, *off, *([f"data.cameras={cameras}"] if cameras else [])])
 
     @property
     def observation_delta_indices(self) -> list[int]:
