@@ -32,7 +32,8 @@ from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.intervals import bootstrap
 from pipeline.run.evaluation import evaluation_version
 from training.puma.config import read_config
-from training.puma.train import LOG, train
+from training.puma.runs import LOG
+from training.puma.train import train
 
 CONFIGS = ("puma-tiny", "puma-tiny-no-history", "puma-tiny-no-auxiliary")
 TASKS, LEVELS = ("adjust_bottle", "click_bell"), (1, 3)

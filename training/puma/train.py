@@ -4,27 +4,24 @@ import json
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from accelerate import Accelerator
 from torch import nn
 from tqdm import tqdm
 
-from pipeline.data.atomic import sweep, write_atomic
-from training.puma import card, checkpoint, trackers
-from training.puma.config import Config, Train, parse_config
+from training.puma import card, checkpoint, runs, trackers
+from training.puma.config import Config, Train
 from training.puma.data import Corpus, open_corpus
 from training.puma.errors import TrainError
 from training.puma.flops import peak_flops, step_flops
 from training.puma.loader import Batch, Loader, Share, validation_batches
 from training.puma.model.puma import Puma, Sizes, build_model
 from training.puma.parallel import in_shares, prepared, share_out, started, whole
-
-LOG = "log.jsonl"
+from training.puma.runs import LOG
 
 
 @dataclass(eq=False)
@@ -57,7 +54,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     """
     accelerator = started(config.train, out)
     main = accelerator.is_main_process
-    _claim(config, out)
+    runs.claim(config, out)
 
     def tell(text: str) -> None:
         if main and not quiet:
@@ -69,7 +66,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
             f"no validation errors: no episode fell into the split (data.validation {config.data.validation}); build more episodes"
         )
     if config.train.start is not None:
-        corpus = _as_before(corpus, checkpoint.load(config.train.start))
+        corpus = runs.as_before(corpus, checkpoint.load(config.train.start))
     torch.manual_seed(config.train.seed)
     network = build_model(config, sizes_of(corpus))
     if config.train.start is not None:
@@ -77,7 +74,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
     loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
     held, step = checkpoint.checkpoints(out), 0
     if held:
-        step = _resume(held[-1], network, loader, corpus)
+        step = runs.resume(held[-1], network, loader, corpus)
     share_out(network, accelerator, config.train)
     adamw = torch.optim.AdamW(groups(network, config.train), betas=config.train.betas, eps=config.train.epsilon)
     model, optimizer = prepared(network, adamw, accelerator, config.train)
@@ -85,7 +82,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
         checkpoint.load_optimizer(network, adamw, held[-1])
     run = _Run(config, out, accelerator, model, network, optimizer, adamw, corpus)
     if main:
-        _begin(config, out, step)
+        runs.begin(config, out, step)
     rows, last = list[dict[str, Any]](), min(steps or config.train.steps, config.train.steps)
     timing = Timing()
     bar = tqdm(total=last, initial=step, unit="step", disable=quiet or not main, dynamic_ncols=True)
@@ -266,54 +263,3 @@ def _sliced[T](values: T, rows: slice) -> T:
 
 def on[T](values: T, device: torch.device | str) -> T:
     return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
-
-
-def _claim(config: Config, out: Path) -> None:
-    """Raise TrainError where `out` has checkpoints of another configuration: only the number of steps may change."""
-    path = out / "config.yaml"
-    if not path.exists() or not checkpoint.checkpoints(out):
-        return
-    before = trackers.flat(parse_config(yaml.safe_load(path.read_text()), str(path)).model_dump(mode="json"))
-    now = trackers.flat(config.model_dump(mode="json"))
-    keys = sorted(before.keys() | now.keys())
-    other = [key for key in keys if before.get(key) != now.get(key) and key != "train.steps"]
-    if other:
-        said = ", ".join(f"{key} {before.get(key)}, now {now.get(key)}" for key in other[:3])
-        raise TrainError(f"{out} holds a run of another configuration ({said}): choose another --out, or the same keys")
-
-
-def _begin(config: Config, out: Path, step: int) -> None:
-    """Write the configuration into the run's directory, and leave in its log what the first `step` steps wrote.
-
-    A killed run has logged steps that its newest checkpoint does not know; they are done, and logged, again.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    sweep(out)
-    write_atomic(out / "config.yaml", config.to_yaml().encode())
-    log = out / LOG
-    if log.exists():
-        held = log.read_bytes().splitlines(keepends=True)[:step]
-        write_atomic(log, b"".join(held))
-
-
-def _as_before(corpus: Corpus, held: checkpoint.Loaded) -> Corpus:
-    """The corpus with the scales of a checkpoint. Raises TrainError where anything else of its preprocessing differs."""
-    before, now = held.preprocessing, corpus.preprocessing
-    scales = {"state": before.state, "action": before.action}
-    if replace(now, **scales) != before:
-        values = zip(before.to_dict().items(), now.to_dict().values(), strict=True)
-        [key, *_] = [key for (key, old), new in values if old != new and key not in scales]
-        raise TrainError(f"{held.path}: was trained with another {key}: choose another train.start, or the data it was made for")
-    return replace(corpus, preprocessing=before)
-
-
-def _resume(path: Path, network: Puma, loader: Loader, corpus: Corpus) -> int:
-    held = checkpoint.load(path)
-    if held.preprocessing.digest != corpus.preprocessing.digest:
-        raise TrainError(f"{path}: was trained with other preprocessing: its data has changed; choose another --out")
-    checkpoint.load_weights(network, path)
-    try:
-        loader.sampler.load(held.sampler)
-    except ValueError as error:
-        raise TrainError(f"{path}: {error}; choose another --out") from error
-    return held.step

@@ -15,7 +15,8 @@ from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint
 from training.puma.config import Config
 from training.puma.parallel import part
-from training.puma.train import LOG, train
+from training.puma.runs import LOG
+from training.puma.train import train
 
 pytestmark = pytest.mark.slow
 

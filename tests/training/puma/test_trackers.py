@@ -10,7 +10,8 @@ from tests.training.puma.tiny import config_of
 from training.puma import trackers
 from training.puma.config import Config
 from training.puma.errors import TrainError
-from training.puma.train import LOG, train
+from training.puma.runs import LOG
+from training.puma.train import train
 
 
 def told(config: Config, **values: object) -> Config:

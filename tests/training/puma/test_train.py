@@ -24,7 +24,8 @@ from training.puma.errors import TrainError
 from training.puma.model.inputs import inputs_of
 from training.puma.model.puma import Sizes, build_model
 from training.puma.policy import PumaPolicy
-from training.puma.train import LOG, groups, open_loop, rate_at, train
+from training.puma.runs import LOG
+from training.puma.train import groups, open_loop, rate_at, train
 
 SIZES = {"head_camera": (240, 320), "left_camera": (240, 320)}
 
