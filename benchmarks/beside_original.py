@@ -67,9 +67,9 @@ class Extent:
         x = f"±{self.x[1]:.2f}" if abs(sum(self.x)) < ALIKE and self.x[1] > 0 else span(self.x)
         far = f", not within {self.away:.2f}" if self.away > ALIKE and self.x[0] < 0 < self.x[1] else ""
         apart = "".join(f"; {distance:.2f} from {name}" for name, distance in self.least)
-        return f"x {x}{far}; y {span(self.y)}; yaw {self._turned()}{apart}"
+        return f"x {x}{far}; y {span(self.y)}; yaw {self._describe_yaw()}{apart}"
 
-    def _turned(self) -> str:
+    def _describe_yaw(self) -> str:
         """The yaw as text: its range, and what it is about where that is not 0 alone."""
         about = " and ".join(f"{heading:.2f}" for heading in self.headings)
         if not self.yaw:

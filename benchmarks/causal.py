@@ -26,7 +26,7 @@ from pipeline.evaluate.evaluate import evaluate, inline
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.slot_keys import code_version
 from training.ladder.climb import Ladder, evaluation, train_missing
-from training.ladder.demonstrations import Demonstration, made
+from training.ladder.demonstrations import Demonstration, make_demonstrations
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
 
@@ -87,14 +87,17 @@ class Study:
         """What the network of a unit learns from."""
         recipe, half = self.recipe(unit.task, unit.n), self.recipe(unit.task, unit.n // 2)
         if unit.arm != "takeovers":
-            return self.made(recipe.model_copy(update={"expert": unit.arm}))
-        planned = self.made(half)
+            return self.demonstrate(recipe.model_copy(update={"expert": unit.arm}))
+        planned = self.demonstrate(half)
         name = LadderForm().name(f"ladder:{self.network(planned, replace(unit, seed=0))}?execute={EXECUTE}")
-        return [*planned, *self.made(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)}))]
+        return [
+            *planned,
+            *self.demonstrate(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})),
+        ]
 
-    def made(self, recipe: Recipe) -> list[Demonstration]:
+    def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""
-        return list(made(recipe, self.root / "demonstrations" / self.physics[:12] / recipe.label, inline))
+        return list(make_demonstrations(recipe, self.root / "demonstrations" / self.physics[:12] / recipe.label, inline))
 
     def recipe(self, task: str, n: int) -> Recipe:
         """Planned demonstrations."""

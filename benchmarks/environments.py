@@ -17,7 +17,7 @@ from benchmarks.hardware import hardware
 from benchmarks.study.rows import markdown
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.evaluate import DominoEnv
-from pipeline.evaluate.actions import interpolated
+from pipeline.evaluate.actions import interpolate_targets
 from pipeline.evaluate.case import BLIND
 from pipeline.stages.scene import build_scene
 
@@ -41,7 +41,7 @@ def bare(env: DominoEnv, actions: NDArray[np.float64]) -> Callable[[], None]:
     def work() -> None:
         for action in actions:
             goal = limits.clipped(action, simulation.command, 1 / DEFAULT_FPS)
-            rows, velocity = interpolated(simulation.command, goal, steps, 1 / DEFAULT_FPS)
+            rows, velocity = interpolate_targets(simulation.command, goal, steps, 1 / DEFAULT_FPS)
             for row in rows:
                 simulation.step(row, velocity)
 

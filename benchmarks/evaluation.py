@@ -26,7 +26,7 @@ from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.names import MOUNTED
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.actions import interpolated
+from pipeline.evaluate.actions import interpolate_targets
 from pipeline.evaluate.case import Case, expert_actions
 from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
@@ -69,7 +69,7 @@ def measure(case: Case, setup: Setup) -> Speed:
     eyes = Eyes(scene, setup) if setup.cameras else None
     physics, render, every = 0.0, 0.0, PHYSICS_HZ // DEFAULT_FPS
     for action in actions:
-        rows, velocity = interpolated(simulation.command, np.asarray(action), every, every / PHYSICS_HZ)
+        rows, velocity = interpolate_targets(simulation.command, np.asarray(action), every, every / PHYSICS_HZ)
         began = time.perf_counter()
         if eyes:
             eyes.look(actor.recorder)

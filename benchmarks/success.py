@@ -158,15 +158,15 @@ def domains(tries: Sequence[Try]) -> str:
     groups |= {f"level {level}": [t for t in tries if t.spec.level == level] for level in sorted({t.spec.level for t in tries})}
     rows = [f"| attempts | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
     for name, group in groups.items():
-        shares = ["{} of {}".format(*_accepted(group, domain)) for domain in names]
+        shares = ["{} of {}".format(*_count_accepted(group, domain)) for domain in names]
         rows.append(f"| {name} | {' | '.join(shares)} |")
-    counts = [_accepted(tries, domain) for domain in names]
+    counts = [_count_accepted(tries, domain) for domain in names]
     ends = [[100 * end for end in wilson(*count)] for count in counts]
     said = [f"**{100 * n / of:.1f}** ({low:.1f}-{high:.1f})" for (n, of), (low, high) in zip(counts, ends, strict=True)]
     return "\n".join([*rows, f"| **all, %** | {' | '.join(said)} |"])
 
 
-def _accepted(tries: Sequence[Try], domain: str) -> tuple[int, int]:
+def _count_accepted(tries: Sequence[Try], domain: str) -> tuple[int, int]:
     """How many attempts of a domain were accepted, and of how many."""
     good = [not t.reason for t in tries if t.spec.domain == domain]
     return sum(good), len(good)
@@ -210,12 +210,12 @@ def kolmogorov_smirnov(relative: Sequence[float] | NDArray[np.float64], slowest:
 
 def reasons(tries: Sequence[Try]) -> str:
     """Markdown: why attempts failed, per robot and task, with the conditions that did not hold."""
-    counts = Counter((t.spec.embodiment, t.spec.task, _said(t)) for t in tries if t.reason)
+    counts = Counter((t.spec.embodiment, t.spec.task, _describe_try(t)) for t in tries if t.reason)
     rows = ["| robot | task | stage and reason | attempts |", "|---|---|---|---:|"]
     return "\n".join(rows + [f"| {robot} | {task} | {reason} | {n} |" for (robot, task, reason), n in sorted(counts.items())])
 
 
-def _said(t: Try) -> str:
+def _describe_try(t: Try) -> str:
     return f"{t.reason} ({t.detail.rpartition(': ')[2]})" if t.reason.endswith("no_success") else t.reason
 
 

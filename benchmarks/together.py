@@ -16,7 +16,7 @@ from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.policies import policy_name
 from pipeline.run.engine.pool import SINGLE_THREAD, Pool
-from pipeline.run.evaluation import answered_together, runner
+from pipeline.run.evaluation import answer_together, runner
 
 POLICY = '''
 import time
@@ -52,10 +52,10 @@ class Spent:
 
 def timed() -> Callable[[EpisodeJob], Spent]:
     """The work of a worker."""
-    return _timed
+    return _time_episode
 
 
-def _timed(job: EpisodeJob) -> Spent:
+def _time_episode(job: EpisodeJob) -> Spent:
     began = time.process_time()
     return Spent(run_episode(job)["periods"], time.process_time() - began)
 
@@ -101,7 +101,7 @@ def _run(jobs: Sequence[EpisodeJob], pool: Pool, wait: float | None) -> tuple[li
         os.environ[name] = value
     wanted = Evaluation((), jobs[0].policy, jobs[0].clock, setup=jobs[0].setup)
     ends: list[tuple[float, float]] = []
-    with answered_together(wanted, pool, wait) as shared:
+    with answer_together(wanted, pool, wait) as shared:
         warm = [replace(job, policy=shared.policy) for job in [*jobs[: pool.workers], *jobs]]
         found = list[Spent]()
         for _, spent in runner(pool)(timed, warm):

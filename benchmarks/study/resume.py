@@ -24,7 +24,7 @@ def compare(where: Path, episodes: int, policy: str = "random", task: str = "cli
     found: dict[Path, tuple[int, dict[str, Row]]] = {}
     for out, how in ((serial, ("--executor", "inline")), (parallel, ("--executor", "ray", "--workers", "2", *shared))):
         command = (*COMMAND, *wanted, *how, "--out", str(out))
-        finished = _killed(command, out / "episodes.jsonl", episodes * 2 // 5)
+        finished = _run_and_kill(command, out / "episodes.jsonl", episodes * 2 // 5)
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         found[out] = (finished, _rows(out))
     (a, one), (b, other) = found[serial], found[parallel]
@@ -38,7 +38,7 @@ def compare(where: Path, episodes: int, policy: str = "random", task: str = "cli
     )
 
 
-def _killed(command: tuple[str, ...], rows: Path, enough: int) -> int:
+def _run_and_kill(command: tuple[str, ...], rows: Path, enough: int) -> int:
     """Start the command, kill its session when so many rows are there; the whole rows that it left."""
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
     while not rows.exists() or rows.read_bytes().count(b"\n") < enough:

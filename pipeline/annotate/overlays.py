@@ -46,16 +46,14 @@ def annotation_sheet(
         images = {t: e.rgb(camera, t) for t in chosen}
     first = images[chosen[0]]
     size = (width, round(width * first.shape[0] / first.shape[1]))
-    rows = [_masked(source, entry, images, size) for source, entry in found["masks"]] or [
-        _row("frames", list(images.values()), size)
-    ]
+    rows = [_tint(source, entry, images, size) for source, entry in found["masks"]] or [_row("frames", list(images.values()), size)]
     for source, entry in sorted(found["flow"], key=lambda x: x[0]):
         rgb, scale = colour_flow(entry.arrays["flow"][chosen], Colour("shared"))
         rows.append(_row(f"flow: {source} (bright = {scale[0]:.2f} px of {rgb.shape[2]})", list(rgb), size))
     return np.concatenate(rows)
 
 
-def _masked(source: str, entry: Entry, images: dict[int, NDArray[np.uint8]], size: tuple[int, int]) -> NDArray[np.uint8]:
+def _tint(source: str, entry: Entry, images: dict[int, NDArray[np.uint8]], size: tuple[int, int]) -> NDArray[np.uint8]:
     a = entry.attributes
     masks = unpack(entry.arrays["mask"][list(images)], a["height"], a["width"])
     shown = [mask_overlay(p, m) for p, m in zip(images.values(), masks, strict=True)]

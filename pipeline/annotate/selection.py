@@ -14,7 +14,7 @@ from pipeline.annotate.stage import Render, Stage
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import episode_paths
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.select import parse_where, selected
+from pipeline.data.select import parse_where, select_specs
 from pipeline.data.spec import EpisodeSpec
 from pipeline.registry import Registry
 
@@ -95,5 +95,5 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
                 specs[path] = e.spec
         except EpisodeError:
             continue
-    chosen = {path for path, wanted in zip(specs, selected(list(specs.values()), expression), strict=True) if wanted}
+    chosen = {path for path, wanted in zip(specs, select_specs(list(specs.values()), expression), strict=True) if wanted}
     return [path for path in paths if path in chosen or path not in specs]

@@ -130,7 +130,7 @@ def sim_reading(
     sensors = episode.meta.drawing.sensors
     scene |= {"latency": sensors.latency} if sensors and sensors.latency else {}
     noisy = depth and sensors is not None and sensors.depth_noise is not None
-    stored = None if noisy else _stored(episode, group, wanted)
+    stored = None if noisy else _read_stored(episode, group, wanted)
     if stored is not None:
         view = SimView(stored["actor_segmentation"], stored.get("depth"), poses, k)
         return {"scene": scene, "stored": arrays_digest(stored)}, lambda: view, list(log.bodies)
@@ -147,7 +147,7 @@ def sim_reading(
     return {"scene": scene, "assets": meta.drawing.assets}, again, list(log.bodies)
 
 
-def _stored(episode: EpisodeFile, group: str, wanted: list[str]) -> dict[str, NDArray[Any]] | None:
+def _read_stored(episode: EpisodeFile, group: str, wanted: list[str]) -> dict[str, NDArray[Any]] | None:
     try:
         return {key: episode.array(f"{group}/{key}") for key in wanted}
     except EpisodeError:

@@ -65,7 +65,7 @@ class StageWorker:
         Raises AnnotateError for models that cannot be loaded or if a result cannot be written (a full disk stops the run;
         nothing is half-written).
         """
-        for episode, found in _prefetched(self._prepare, episodes):
+        for episode, found in _prefetch(self._prepare, episodes):
             yield found if isinstance(found, Outcome) else self._finish(episode, found)
 
     def _prepare(self, episode: Path) -> "Outcome | _Work":
@@ -103,7 +103,7 @@ class StageWorker:
         return Outcome(str(episode), "computed", work.state, _REASONS[work.state], work.frames)
 
 
-def _prefetched[T](prepare: Callable[[Path], T], episodes: Sequence[Path]) -> Iterator[tuple[Path, T]]:
+def _prefetch[T](prepare: Callable[[Path], T], episodes: Sequence[Path]) -> Iterator[tuple[Path, T]]:
     """`(episode, prepare(episode))` in order, prepared on one thread at most AHEAD episodes before they are asked for."""
     pending: deque[tuple[Path, Future[T]]] = deque()
     rest = iter(episodes)

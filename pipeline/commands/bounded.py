@@ -9,9 +9,9 @@ from typing import Any, get_args
 from typer import Typer, TyperException
 from typer.core import TyperCommand, TyperOption
 
-from pipeline.data.disk import said_of
+from pipeline.data.disk import describe_error
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, line, real, shown, whole
+from pipeline.data.parsing import ParseError, line, real, show_value, whole
 from pipeline.data.reading import printable
 from pipeline.data.store.urls import with_urls
 
@@ -35,7 +35,7 @@ class BoundedCommand(TyperCommand):
                     try:
                         check(text)
                     except ParseError as error:
-                        ctx.fail(f"{name_of(param)} {shown(text)} {error}")
+                        ctx.fail(f"{name_of(param)} {show_value(text)} {error}")
         return super().parse_args(ctx, args)
 
 
@@ -73,7 +73,7 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = own_words) -
     except DominoError as error:
         said = with_urls(str(error))
     except OSError as error:
-        said = with_urls(said_of(error))
+        said = with_urls(describe_error(error))
     else:
         # the exit code of a verb that raised typer.Exit
         sys.exit(code if isinstance(code, int) else 0)

@@ -12,7 +12,7 @@ import typer
 
 from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, read_mapping, shown
+from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
 from pipeline.run.engine.pool import EXECUTORS, Pool, pick_executor
@@ -98,7 +98,7 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
     try:
         return None if text is None else [parse(part) for part in split_list(text) or []]
     except ParseError as error:
-        raise UsageError(f"{option} {shown(text)} is not a list of numbers like 1,2,3") from error
+        raise UsageError(f"{option} {show_value(text)} is not a list of numbers like 1,2,3") from error
 
 
 LevelList = Annotated[
@@ -151,7 +151,7 @@ def pool_of(
     if address is not None and executor == "inline":
         raise UsageError("--address names a Ray cluster and --executor inline uses none: leave one of them out")
     if address is not None and not re.fullmatch(r"[A-Za-z0-9._-]{1,253}:[0-9]{1,5}", address):
-        raise UsageError(f"--address {shown(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
+        raise UsageError(f"--address {show_value(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
     if gpus is not None and not (0 < gpus <= 1 or gpus == gpus // 1 > 1):
         raise UsageError(f"--gpus-per-worker {gpus:g} is neither a share of a GPU like 0.25 nor a number of GPUs")
     if runtime_env is not None and address is None:

@@ -63,14 +63,14 @@ def evaluate(
     from pipeline.evaluate.policies import policy_name
     from pipeline.evaluate.policy import staying
     from pipeline.evaluate.summary import table
-    from pipeline.run.evaluation import EPISODE_SECONDS, answered_together, evaluation_of, runner
+    from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
 
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     recipe = given.recipe(without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1])
     wanted = evaluation_of(
         recipe,
-        _seen(given, recipe),
+        _images_setup(given, recipe),
         policy_name(policy),
         clock or "",
         episodes=episodes,
@@ -83,7 +83,7 @@ def evaluate(
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     pool = pool_of(executor, 1 if one_client else workers, address)
-    together = answered_together(wanted, pool, None if batch_wait is None else batch_wait / 1000)
+    together = answer_together(wanted, pool, None if batch_wait is None else batch_wait / 1000)
     with resumable(out), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar, staying(), together as shared:
         runs = runner(pool, EPISODE_SECONDS + ANSWERS * answer_seconds)
         outcome = run_evaluation(shared, out, runs, manifests, bar.set_description_str)
@@ -102,7 +102,7 @@ def evaluate(
     print_result(outcome.to_dict(), as_json, "\n".join(text))
 
 
-def _seen(given: Given, recipe: Recipe) -> Setup:
+def _images_setup(given: Given, recipe: Recipe) -> Setup:
     """The setup of an evaluation: images only where cameras are named, textures of training only where they are asked for."""
     from pipeline.evaluate.case import blind
 

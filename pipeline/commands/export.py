@@ -68,11 +68,11 @@ class ExportCommand(BoundedCommand):
         if not named and not ctx.resilient_parsing:  # words that the shell completes
             raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
         ctx.meta[GIVEN] = given
-        self.epilog = _described(flags)
+        self.epilog = _describe_options(flags)
         return super().parse_args(ctx, rest)
 
 
-def _described(flags: Mapping[str, Mapping[str, bool]]) -> str:
+def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
     """The options of all formats for --help, one paragraph each."""
     from pipeline.export import EXPORTERS
     from pipeline.export.options import flag_name

@@ -13,7 +13,7 @@ import typer
 from pipeline.commands import complete
 from pipeline.commands.common import UsageError, split_list
 from pipeline.data.dataset import Dataset
-from pipeline.data.parsing import ParseError, bounded, pixels, real, shown, whole
+from pipeline.data.parsing import ParseError, bounded, pixels, real, show_value, whole
 from pipeline.data.recipe.file import find_recipe, read_recipe
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
@@ -130,7 +130,7 @@ def _option(key: str, default: str | None) -> Any:
     names = (option_of(key), "--preset") if key == "render" else (option_of(key),)
     words: dict[str, Any] = {
         "help": text,
-        "show_default": default or _shown(field_.get_default(call_default_factory=True)),
+        "show_default": default or _show_default(field_.get_default(call_default_factory=True)),
         "autocompletion": COMPLETIONS.get(key),
     }
     if kind in (int, float):
@@ -139,7 +139,7 @@ def _option(key: str, default: str | None) -> Any:
     return Annotated[kind | None, typer.Option(*names, **words)]
 
 
-def _shown(value: Any) -> str | bool:
+def _show_default(value: Any) -> str | bool:
     """A default as --help shows it."""
     if value is None or value in ((), {}):
         return False
@@ -160,7 +160,7 @@ def parse_value(key: str, given: Any) -> Any:
             return [(real if key == "alpha" else whole)(word) for word in words]
     except ParseError as error:
         wrong = error if key == "size" else "is not a list of numbers like 1,2,3"
-        raise UsageError(f"{option_of(key)} {shown(given)} {wrong}") from error
+        raise UsageError(f"{option_of(key)} {show_value(given)} {wrong}") from error
     if not words:
         raise UsageError(f"{option_of(key)} {given!r} names nothing: leave it out, or name some, separated by commas")
     return words
@@ -179,7 +179,7 @@ def cameras_of(text: str) -> list[str | dict[str, Any]]:
                 found.append(bounded(value))
             except (ValueError, RecursionError) as error:
                 why = "nested too deeply" if isinstance(error, RecursionError) else error
-                raise UsageError(f"--cameras: {shown(text[at:])} is not JSON ({why})") from error
+                raise UsageError(f"--cameras: {show_value(text[at:])} is not JSON ({why})") from error
             at = end
         else:
             end = text.find(",", at)

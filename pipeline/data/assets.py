@@ -47,7 +47,7 @@ class AssetStore:
         key = _hash(arrays, attributes)
         path = self.path(key)
         if not path.exists():
-            write_atomic(path, _encoded(arrays, attributes))
+            write_atomic(path, _encode(arrays, attributes))
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
@@ -78,7 +78,7 @@ class AssetStore:
     def renew(self, key: str) -> None:
         """Rewrite the file of an asset whose content is intact but whose bytes differ from what `put` writes: a ZIP file has bits
         that no reader checks. Raises AssetError if the content is damaged, OSError."""
-        data = _encoded(*self.get(key))
+        data = _encode(*self.get(key))
         if self.path(key).read_bytes() != data:
             write_atomic(self.path(key), data)
 
@@ -105,7 +105,7 @@ def _check_sizes(path: Path) -> None:
                     raise ValueError(f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size")
 
 
-def _encoded(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:
+def _encode(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:
     data = io.BytesIO()
     text = np.frombuffer(canonical(attributes), np.uint8)
     np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **{name: arrays[name] for name in sorted(arrays)})

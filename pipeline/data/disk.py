@@ -17,7 +17,7 @@ FIXES = {
 """What to do about an error, by its number."""
 
 
-def said_of(error: OSError) -> str:
+def describe_error(error: OSError) -> str:
     """One line on a command that can be repeated: the file, what is wrong with it, and the fix where there is one."""
     where = f"{error.filename}: " if error.filename else ""
     return where + refusal(error) + (f"; {_KEPT}" if error.errno in FIXES else "")

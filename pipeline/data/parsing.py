@@ -40,7 +40,7 @@ class ParseError(DominoError, ValueError):
     """A text or file that cannot be used. The message says what is wrong; whoever knows the option or key puts it in front."""
 
 
-def shown(value: Any) -> str:
+def show_value(value: Any) -> str:
     """A value as a message shows it: short, on one line."""
     text = reprlib.Repr(maxlevel=2, maxdict=3, maxlist=4, maxtuple=4, maxstring=60, maxlong=30, maxother=60).repr(value)
     return " ".join(text.split())[:SHOWN]
@@ -86,7 +86,7 @@ def parse_json(text: str | bytes) -> Any:
     except RecursionError as error:
         raise ParseError("is nested too deeply") from error
     except ValueError as error:
-        raise ParseError(_said(error)) from error
+        raise ParseError(_describe_error(error)) from error
 
 
 def parse_yaml(text: str | bytes) -> Any:
@@ -99,7 +99,7 @@ def parse_yaml(text: str | bytes) -> Any:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or str(error).splitlines()[0]
         raise ParseError(f"is not YAML ({f'line {mark.line + 1}: ' if mark is not None else ''}{problem})") from error
     except ValueError as error:
-        raise ParseError(_said(error)) from error
+        raise ParseError(_describe_error(error)) from error
     return bounded(values)
 
 
@@ -152,12 +152,12 @@ def _read(path: Path, parse: Callable[[bytes], Any]) -> Any:
         raise ParseError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def _said(error: ValueError) -> str:
+def _describe_error(error: ValueError) -> str:
     """What is wrong with a text, from the error of a parser."""
     if isinstance(error, UnicodeDecodeError):
         return f"is not UTF-8 text ({error.reason})"
     kind = "is not JSON" if isinstance(error, json.JSONDecodeError) else "holds a value that cannot be read"
-    return str(error) if isinstance(error, ParseError) else f"{kind} ({shown(str(error))[1:-1]})"
+    return str(error) if isinstance(error, ParseError) else f"{kind} ({show_value(str(error))[1:-1]})"
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -167,7 +167,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _check_once(keys: list[str]) -> None:
     if len(set(keys)) < len(keys):
-        raise ParseError(f"{shown(next(key for key, count in Counter(keys).items() if count > 1))} stands there twice")
+        raise ParseError(f"{show_value(next(key for key, count in Counter(keys).items() if count > 1))} stands there twice")
 
 
 class _Loader(yaml.SafeLoader):

@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, real, shown, whole
+from pipeline.data.parsing import ParseError, real, show_value, whole
 from pipeline.data.spec import EpisodeSpec
 
 LONGEST = 4000
@@ -60,7 +60,7 @@ class _Unreadable(ValueError):
     """What is wrong with an expression, without its text."""
 
 
-def selected(specs: Sequence[EpisodeSpec], where: pc.Expression) -> NDArray[np.bool_]:
+def select_specs(specs: Sequence[EpisodeSpec], where: pc.Expression) -> NDArray[np.bool_]:
     """Which (N,) of the specs an expression of `parse_where` selects."""
     table = pa.Table.from_pylist([asdict(spec) for spec in specs], _SCHEMA).append_column("row", pa.array(range(len(specs))))
     chosen = np.zeros(len(specs), bool)
@@ -119,11 +119,11 @@ def _mistake(python: str, values: Values, error: SyntaxError) -> str:
     last = python.split()[-1]
     if last not in values and last not in _KINDS and last not in (")", "]"):
         return f"ends where something should follow {last!r}"
-    rest = _written(python[max((error.offset or 1) - 1, 0) :], values)
+    rest = _restore_values(python[max((error.offset or 1) - 1, 0) :], values)
     return f"did not expect {rest[:40]!r}; join tests with and / or"
 
 
-def _written(python: str, values: Values) -> str:
+def _restore_values(python: str, values: Values) -> str:
     """A piece of the Python text with the user's values put back."""
     return _PLACEHOLDER.sub(lambda m: values[m[0]], python).replace("[", "(").replace("]", ")")
 
@@ -139,7 +139,9 @@ def _translate(node: ast.expr, values: Values) -> pc.Expression:
         case ast.Compare(left=left, ops=ops, comparators=rights):
             pairs = zip([left, *rights], ops, rights, strict=False)
             return reduce(operator.and_, [_comparison(a, op, b, values) for a, op, b in pairs])
-    raise _Unreadable(f"{_written(ast.unparse(node), values)!r} is no test: compare a field with a value, for example level=1")
+    raise _Unreadable(
+        f"{_restore_values(ast.unparse(node), values)!r} is no test: compare a field with a value, for example level=1"
+    )
 
 
 def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) -> pc.Expression:
@@ -158,16 +160,16 @@ def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) 
 
 def _field(node: ast.expr, values: Values) -> str:
     if not isinstance(node, ast.Name) or node.id not in _KINDS:
-        raise _Unreadable(f"{_written(ast.unparse(node), values)!r} is no field")
+        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no field")
     return node.id
 
 
 def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
     """The value of a placeholder as the type of a field."""
     if not isinstance(node, ast.Name) or node.id not in values:
-        raise _Unreadable(f"{_written(ast.unparse(node), values)!r} is no value for {field}; quote it if it is meant as one")
+        raise _Unreadable(f"{_restore_values(ast.unparse(node), values)!r} is no value for {field}; quote it if it is meant as one")
     word, kind = values[node.id], _KINDS[field]
     try:
         return word if kind is str else whole(word, -MOST_WHOLE, MOST_WHOLE) if kind is int else real(word)
     except ParseError as error:
-        raise _Unreadable(f"{field} {shown(word)} {error}") from None
+        raise _Unreadable(f"{field} {show_value(word)} {error}") from None

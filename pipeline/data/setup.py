@@ -11,7 +11,7 @@ from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced
 from pipeline.data.errors import DominoError
 from pipeline.data.names import CAMERAS, MOUNTED, RETIRED, SIDES
-from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS, SHOWN, shown
+from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS, SHOWN, show_value
 from pipeline.data.rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
 from pipeline.data.sensors import Sensors
 
@@ -256,7 +256,7 @@ class Setup(BaseModel):
                 said = f"has no {str(first['loc'][-1])[:SHOWN]}"
             elif first["type"] != "extra_forbidden":
                 said = plain[0].lower() + plain[1:]
-            raise RecipeError(f"{where} {said} (got {shown(first['input'])})") from error
+            raise RecipeError(f"{where} {said} (got {show_value(first['input'])})") from error
 
 
 DEFAULT = Setup()
@@ -288,6 +288,6 @@ def _camera(item: Any) -> str | NamedCamera:
     name = next((short for short, long in CAMERAS.items() if item in (short, long)), None)
     if name is None:
         raise ValueError(
-            f"holds {shown(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
+            f"holds {show_value(item)}: cameras are {', '.join(CAMERAS)}, or a mapping with name, link, pose, width, height, fovy"
         )
     return name

@@ -52,7 +52,7 @@ def joint_limits(embodiment: Embodiment) -> JointLimits:
     return JointLimits(embodiment.vector_names, np.array(lower), np.array(upper), np.array(speed))
 
 
-def checked(action: ArrayLike, length: int) -> Floats:
+def check_action(action: ArrayLike, length: int) -> Floats:
     """The action as float64 (length,). Raises ActionError, saying what is wrong with it."""
     try:
         values = np.asarray(action, np.float64)
@@ -65,7 +65,7 @@ def checked(action: ArrayLike, length: int) -> Floats:
     return values
 
 
-def interpolated(before: Floats, action: Floats, steps: int, seconds: float) -> tuple[Floats, Floats]:
+def interpolate_targets(before: Floats, action: Floats, steps: int, seconds: float) -> tuple[Floats, Floats]:
     """Drive targets (steps,A) that go linearly from the command `before` to `action`, and their constant velocity (A,).
 
     The last row is `action` itself.

@@ -89,7 +89,7 @@ def time_limit(seconds: float) -> Iterator[None]:
         raise Late(f"no answer in {seconds:.3g} s")
 
 
-def _counted(policy: Policy) -> int | None:
+def _count_calls(policy: Policy) -> int | None:
     """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
     count: object = attribute(policy, "inferences")
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
@@ -117,7 +117,7 @@ class Asked:
         """Begin the episode. Raises NoAnswer if the policy fails, PolicyError if it refuses the episode."""
         policy, refusal = self.policy, None
         check_contract(policy, start)
-        with self._guarded():
+        with self._translate_errors():
             try:
                 policy.reset(start)
             except NoAnswer:
@@ -127,21 +127,21 @@ class Asked:
         if refusal is not None:
             raise refusal
         if isinstance(policy, SeesTruth):
-            with self._guarded():
+            with self._translate_errors():
                 policy.see(trial, case)
 
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
         """The next chunk (H,A) of actions with `length` numbers. Raises ActionError or NoAnswer."""
-        with self._guarded():
-            before = _counted(self.policy)
+        with self._translate_errors():
+            before = _count_calls(self.policy)
             chunk = chunk_of(self.policy.act(observation), length)
-            after = _counted(self.policy)
+            after = _count_calls(self.policy)
         self.inferences += self.count == 0 or after is None or after != before
         self.count += 1
         return chunk
 
     @contextmanager
-    def _guarded(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         began = time.monotonic()
         try:
             with time_limit(max(0.001, min(self._seconds, self._left))):

@@ -123,12 +123,12 @@ def parse_clock(text: str) -> Clock:
         return Clock(text, text)
     if kind == "late" and len(numbers := _milliseconds(rest)) == 1:
         return Clock(text, "late", numbers)
-    if kind in ("latency", "async") and rest and (found := _delayed(kind, rest)):
+    if kind in ("latency", "async") and rest and (found := _parse_delay(kind, rest)):
         return found
     raise ClockError(f"--clock {text!r} is unknown: give {HELP} (times in ms)")
 
 
-def _delayed(kind: str, rest: list[str]) -> Clock | None:
+def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
     """The clock "latency:..." or "async:..." of the words after the first colon, None if they describe none."""
     join: Join | None = None
     if kind == "async":

@@ -29,10 +29,10 @@ class Arm:
 
     def by_episode(self) -> dict[str, list[Row]]:
         """Rows by what pairs them: the spec, a hash of motion and first state, clock and rules."""
-        return _grouped(self.rows, lambda row: json.dumps([*json.loads(row["key"])[2:5], row["rules"]]))
+        return _group(self.rows, lambda row: json.dumps([*json.loads(row["key"])[2:5], row["rules"]]))
 
 
-def _grouped(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
+def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
     out = defaultdict[Any, list[Row]](list)
     for row in rows:
         out[key(row)].append(row)
@@ -46,7 +46,7 @@ def read_arms(runs: Sequence[str]) -> list[Arm]:
     """
     out = list[Arm]()
     for run in runs:
-        policies = _grouped([row for part in run.split(",") for row in _newest(Path(part))], lambda row: row["policy"])
+        policies = _group([row for part in run.split(",") for row in _newest(Path(part))], lambda row: row["policy"])
         if "," in run:
             out.append(Arm(run, tuple(row for group in policies.values() for row in group), len(policies)))
         else:
@@ -71,7 +71,7 @@ def _newest(run: Path) -> list[Row]:
 def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
     """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and task. `wanted` is the effect
     (points) for which the number of scenes is reckoned. Raises CompareError if scenes, rules or clocks differ."""
-    pairs = _paired(a, b)
+    pairs = _pair(a, b)
     return [
         {"what": what, "first": a.name, "second": b.name, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
         for what, group in _groups([row for row, _ in pairs])
@@ -81,9 +81,7 @@ def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
 
 def compare_unpaired(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
     """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if their tasks differ."""
-    first, second = (
-        by_task([(group[0]["task"], _rate(group)) for group in _grouped(arm.rows, scene_of).values()]) for arm in (a, b)
-    )
+    first, second = (by_task([(group[0]["task"], _rate(group)) for group in _group(arm.rows, scene_of).values()]) for arm in (a, b))
     if other := sorted(first.keys() ^ second.keys()):
         raise CompareError(f"{other[0]}: only one of {a.name} and {b.name} tried this task: evaluate both on the same tasks")
     scenes = min(sum(map(len, tasks.values())) for tasks in (first, second))
@@ -94,7 +92,7 @@ def _rate(rows: Sequence[Row]) -> float:
     return float(np.mean([row["success"] for row in rows]))
 
 
-def _paired(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
+def _pair(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
     """A row and the outcome of every episode that both arms tried. Won and lost count pairs of networks."""
     first, second = a.by_episode(), b.by_episode()
     if first.keys() != second.keys():

@@ -100,8 +100,8 @@ def difference(wanted: Mapping[str, Any], given: Setup) -> str:
         else:
             fits = value == has or has is True
         if not fits:
-            helps = option_of(key) if value is True else f"{option_of(key)} {_written(value)}"
-            both = f"the policy has {_written(value)}, the evaluation {_written(getattr(given, key))}"
+            helps = option_of(key) if value is True else f"{option_of(key)} {_write_option(value)}"
+            both = f"the policy has {_write_option(value)}, the evaluation {_write_option(getattr(given, key))}"
             return f"{key}: {both}: add {helps}, or --like its dataset"
     return ""
 
@@ -116,7 +116,7 @@ def check_contract(policy: Policy, start: Start) -> None:
         raise PolicyError(reason)
 
 
-def _written(value: Any) -> str:
+def _write_option(value: Any) -> str:
     """The value of a key as its option takes it."""
     if isinstance(value, tuple) and value and isinstance(value[0], int):
         return f"{value[0]}x{value[1]}"

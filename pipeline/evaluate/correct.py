@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
-from pipeline.evaluate.actions import ActionError, interpolated
+from pipeline.evaluate.actions import ActionError, interpolate_targets
 from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.case import Case, blind
 from pipeline.evaluate.episode import start_of
@@ -105,7 +105,7 @@ class _Turn:
                 for action in self._answer(eyes, words):
                     labels.append(self._advice())
                     if self._ends(len(labels) - 1):
-                        return [*labels[:-1], *self._perturbed(labels[-1])]
+                        return [*labels[:-1], *self._perturb(labels[-1])]
                     self._execute(action)
         except (ActionError, NoAnswer) as error:
             raise Failure(STAGE, "policy_failed", str(error)) from error
@@ -126,7 +126,7 @@ class _Turn:
             self._adviser = Adviser(self._actor, self._trial.scene.task.meet, self._recipe.fps)
         return self._adviser.action()
 
-    def _perturbed(self, first: Floats) -> list[Floats]:
+    def _perturb(self, first: Floats) -> list[Floats]:
         """Hold or push the robot if the recipe asks for it; returns what the expert would have commanded (A,) each frame.
 
         `first` is its command at the first frame. Raises Failure as `_ends`."""
@@ -162,6 +162,6 @@ class _Turn:
         """One control period, as in an evaluation."""
         trial, before = self._trial, self._actor.simulation.command
         seconds = trial.per_period / PHYSICS_HZ
-        rows, velocity = interpolated(before, trial.limits.clipped(action, before, seconds), trial.per_period, seconds)
+        rows, velocity = interpolate_targets(before, trial.limits.clipped(action, before, seconds), trial.per_period, seconds)
         for row in rows:
             self._actor.advance(row, velocity)

@@ -69,7 +69,7 @@ def unpaired_numbers(first: ByTask, second: ByTask, wanted: float) -> dict[str, 
     if spread(first) == spread(second) == 0:
         low, high = _exact(change, min(sum(map(len, tasks.values())) for tasks in (first, second)))
     else:
-        low, high = np.quantile(_resampled(second, 1) - _resampled(first, 0), [0.025, 0.975])
+        low, high = np.quantile(_resample(second, 1) - _resample(first, 0), [0.025, 0.975])
     return {
         "first_rate": rates[0],
         "second_rate": rates[1],
@@ -89,7 +89,7 @@ def spread(values: ByTask) -> float:
     return float(np.mean([v.var(ddof=1) for v in values.values() if len(v) > 1] or [0.0]))
 
 
-def _resampled(values: ByTask, seed: int) -> NDArray[np.float64]:
+def _resample(values: ByTask, seed: int) -> NDArray[np.float64]:
     """Means (RESAMPLES,) of scenes drawn again within each task."""
     rng = np.random.default_rng(seed)
     return np.mean([v[rng.integers(len(v), size=(RESAMPLES, len(v)))].mean(1) for v in values.values()], axis=0)
@@ -103,7 +103,7 @@ def interval(change: ByTask) -> tuple[float, float]:
     values = np.concatenate(list(change.values()))
     if np.ptp(values) == 0:
         return _exact(float(values[0]), len(values))
-    low, high = np.quantile(_resampled(change, 0), [0.025, 0.975])
+    low, high = np.quantile(_resample(change, 0), [0.025, 0.975])
     return float(low), float(high)
 
 

@@ -21,11 +21,11 @@ from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.actions import ToolPoses, checked, joint_limits, pose_action_names
+from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pose_action_names
 from pipeline.evaluate.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.metrics import score
 from pipeline.evaluate.observation import Moment, PolicyView, StateView, View
-from pipeline.evaluate.reward import NOTHING, Meter, Progress, Shaped, checked_discount
+from pipeline.evaluate.reward import NOTHING, Meter, Progress, Shaped, check_discount
 from pipeline.evaluate.scenes import case_of_seed, check_case, training_scenes
 from pipeline.evaluate.trial import SUCCESS, TIME_LIMIT, Trial
 from pipeline.evaluate.views import Eyes, Sight, instruction_of
@@ -115,7 +115,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._view: View = PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
         self.observation_space = self._view.space
-        self._discount = checked_discount(discount) if reward == "dense" else None
+        self._discount = check_discount(discount) if reward == "dense" else None
         self._measures = reward == "dense" or observations == "state"
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
         self._trial: Trial | None = None
@@ -136,7 +136,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         """Start an episode; see the module. Raises NoCase if the expert solves none of 30 seeds, OtherCase for a case of another
         cell or setup."""
         super().reset(seed=seed)
-        case = (options or {}).get("case") or self._drawn(seed)
+        case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)
         self._close_eyes()
         scene = build_scene(case.spec, self.setup.ruling()).furnished(case.target_motion)
@@ -153,7 +153,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control period. Raises ActionError for an action of another shape or that is not finite."""
         trial, info = self.trial, dict[str, Any]()
-        values = checked(action, len(self.action_names))
+        values = check_action(action, len(self.action_names))
         if self._tools is not None:
             values, info["unreachable"] = self._tools.joints(values, trial.simulation.command)
         trial.advance(values)
@@ -192,7 +192,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         sight = self._eyes.look(self.trial.recorder) if self.setup.cameras and self._eyes else Sight()
         return self._view.observe(self.trial, Moment(self.task_description, sight, progress))
 
-    def _drawn(self, seed: int | None) -> Case:
+    def _draw_case(self, seed: int | None) -> Case:
         """The scene of an episode that names no case."""
         if self._scenes:
             known = training_scenes(self._cell, self._scenes, self.setup.physics, self._manifests)

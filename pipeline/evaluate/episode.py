@@ -16,8 +16,8 @@ from pipeline.evaluate.asking import ANSWER_SECONDS, Asked
 from pipeline.evaluate.case import BLIND, Case, start_hash
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.metrics import score
-from pipeline.evaluate.pace import in_turn, overlapped
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, staying, told_seed
+from pipeline.evaluate.pace import drive_overlapped, in_turn
+from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed, staying
 from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER, Trial
 from pipeline.evaluate.views import Eyes, Sight, instruction_of
 from pipeline.stages.scene import build_scene
@@ -56,7 +56,7 @@ class EpisodeJob:
 def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
     """What a policy receives before an episode."""
     sizes = {camera.name: (camera.type.height, camera.type.width) for camera in setup_cameras(robot, setup)}
-    return Start(words, robot.name, robot.vector_names, setup.fps, tuple(sizes), told_seed(words, robot.name), sizes, setup)
+    return Start(words, robot.name, robot.vector_names, setup.fps, tuple(sizes), policy_seed(words, robot.name), sizes, setup)
 
 
 @staying()
@@ -143,7 +143,7 @@ def _drive(job: EpisodeJob, trial: Trial, eyes: Eyes | None, asked: Asked, spent
         if job.clock.join is None:
             in_turn(trial, ask)
         else:
-            overlapped(trial, ask, job.clock.join)
+            drive_overlapped(trial, ask, job.clock.join)
 
 
 class _Spent:

@@ -33,7 +33,7 @@ def in_turn(trial: Trial, ask: Question) -> None:
             trial.advance(action)
 
 
-def overlapped(trial: Trial, ask: Question, join: Join) -> None:
+def drive_overlapped(trial: Trial, ask: Question, join: Join) -> None:
     """Drive a trial to its end; `join` is how a new chunk replaces the rest of the old one.
 
     Delays are rounded up to whole control periods. Where a chunk ends before the next one arrives, its last action stays in force.
@@ -42,7 +42,7 @@ def overlapped(trial: Trial, ask: Question, join: Join) -> None:
     wait = _periods(delay, trial.fps)
     trial.hold(wait * trial.per_period)
     # `done` counts from the moment at which the chunk's question was asked; `left` are its actions from now on
-    length, done, left = len(chunk), wait, joined(np.empty((0, trial.length)), chunk, wait, join)
+    length, done, left = len(chunk), wait, join_chunks(np.empty((0, trial.length)), chunk, wait, join)
     while not trial.ending:
         if done < min(length, max(1, length // 2)):
             left, done = _advance(trial, left), done + 1
@@ -53,7 +53,7 @@ def overlapped(trial: Trial, ask: Question, join: Join) -> None:
             if trial.ending:
                 return
             left = _advance(trial, left)
-        length, done, left = len(chunk), wait, joined(left, chunk, wait, join)
+        length, done, left = len(chunk), wait, join_chunks(left, chunk, wait, join)
         if wait == 0 or done >= length:
             left, done = _advance(trial, left), done + 1
 
@@ -68,7 +68,7 @@ def _advance(trial: Trial, left: Floats) -> Floats:
     return left[1:] if len(left) > 1 else left
 
 
-def joined(old: Floats, new: Floats, wait: int, join: Join) -> Floats:
+def join_chunks(old: Floats, new: Floats, wait: int, join: Join) -> Floats:
     """The actions (N,A) to execute when `new` (H,A) arrives `wait` periods after its question; `old` (M,A) is left of the last one.
 
     `switch` takes `new` from its action `wait` on, `blend` goes over to it linearly while both last, `rtc` with the weights of

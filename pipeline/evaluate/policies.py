@@ -136,14 +136,14 @@ def identify(name: PolicyName, start: Start) -> PolicyName:
 def make_policy(name: PolicyName) -> Policy:
     """The policy of a name. Raises PolicyError if it cannot be made, whatever its own code raises."""
     try:
-        return _made(name)
+        return _make(name)
     except (DominoError, KeyboardInterrupt):
         raise
     except BaseException as error:
         raise PolicyError(f"--policy {name.text}: cannot be made: {line_of(error)}") from error
 
 
-def _made(name: PolicyName) -> Policy:
+def _make(name: PolicyName) -> Policy:
     load_entry_points()
     kind = name.text.partition(":")[0]
     if kind in FORMS:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
 from pipeline.data.setup import DEFAULT, Setup
-from pipeline.evaluate.actions import ActionError, checked
+from pipeline.evaluate.actions import ActionError, check_action
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.trial import Trial
 
@@ -58,7 +58,7 @@ class Start:
     setup: Setup = DEFAULT
 
 
-def told_seed(instruction: str, embodiment: str) -> int:
+def policy_seed(instruction: str, embodiment: str) -> int:
     """The seed (63 bits) of a policy's own draws: a hash of what it is told anyway, so that it adds nothing about the scene."""
     return int.from_bytes(hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()[:8], "little") >> 1
 
@@ -206,4 +206,4 @@ def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
     rows = values[None] if values.ndim == 1 else values
     if rows.ndim != 2 or not 1 <= len(rows) <= LONGEST_CHUNK:
         raise ActionError(f"the policy's answer has the shape {values.shape}; give ({length},) or (H, {length})")
-    return np.stack([checked(row, length) for row in rows])
+    return np.stack([check_action(row, length) for row in rows])

@@ -131,7 +131,7 @@ class Chaser(_Stream):
             if not trial.simulation.released:
                 share = min(1.0, n / (self.RAMP * trial.fps))
                 offset = share * (trial.simulation.pose(target)[:3] - plan.aim[:3])
-            yield _shifted(planner, row, trial.simulation.command, moving, offset)[None]
+            yield _shift(planner, row, trial.simulation.command, moving, offset)[None]
 
 
 class Tapper(Chaser):
@@ -211,7 +211,7 @@ def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
     yield from live(trial.actor, trial.scene.task.finish(trial.actor), trial.fps)
 
 
-def _shifted(planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats) -> Floats:
+def _shift(planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats) -> Floats:
     """The action (A,) with the tools of `sides` moved by `offset` (3,) m in the world; an arm that cannot get there stays."""
     out, now = list[Floats](), planner.split(command)
     for side, (q, value) in planner.split(row).items():

@@ -100,7 +100,7 @@ def near(distance: float) -> float:
     return 1.0 - float(np.tanh(NEARNESS * distance))
 
 
-def checked_discount(discount: float) -> float:
+def check_discount(discount: float) -> float:
     """The discount. Raises RewardError for one outside 0-1."""
     if not 0 < discount <= 1:
         raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1, the discount of the learner")

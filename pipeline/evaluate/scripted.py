@@ -40,7 +40,7 @@ def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
 
     A pure function of its arguments; the latest results are cached, since several policies rehearse the same.
     """
-    return _rehearsed(_Wanted(scene.spec, scene.rules, tuple(map(float, aim)), fps, scene))
+    return _rehearse(_Wanted(scene.spec, scene.rules, tuple(map(float, aim)), fps, scene))
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class _Wanted:
 
 
 @lru_cache(maxsize=32)
-def _rehearsed(wanted: _Wanted) -> Rehearsal | None:
+def _rehearse(wanted: _Wanted) -> Rehearsal | None:
     scene, aim, fps, task = wanted.scene, np.array(wanted.aim), wanted.fps, wanted.scene.task
     actor_rng = "dry_run"  # the expert's own stream: with the target at the manipulation pose this is the expert's plan
     try:

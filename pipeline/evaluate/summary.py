@@ -72,7 +72,7 @@ def over_tasks(
         values = {name: [[float(row[field]) for row in group] for group in tasks.values()] for name, field in MEANS.items()}
         means: Row = {name: scale(name) * float(np.mean([np.mean(v) for v in groups])) for name, groups in values.items()}
         rate, effective = means["success_rate"] / 100, len(tasks) ** 2 / sum(1 / len(group) for group in tasks.values())
-        intervals = {f"{name}_interval": list(_stratified(groups)) for name, groups in values.items()}
+        intervals = {f"{name}_interval": list(_stratified_interval(groups)) for name, groups in values.items()}
         intervals["success_rate_interval"] = [100 * x for x in wilson(rate * effective, effective)]
         head = dict(zip((*by, "category"), key, strict=True))
         counts = {"tasks": len(tasks), "episodes": sum(map(len, tasks.values()))}
@@ -89,7 +89,7 @@ def scale(name: str) -> float:
     return 100.0 if name == "success_rate" else 1.0
 
 
-def _stratified(groups: Sequence[Sequence[float]], resamples: int = 2000) -> tuple[float, float]:
+def _stratified_interval(groups: Sequence[Sequence[float]], resamples: int = 2000) -> tuple[float, float]:
     rng = np.random.default_rng(0)
     means = np.zeros(resamples)
     for group in groups:

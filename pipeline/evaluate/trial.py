@@ -7,7 +7,7 @@ from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ, at_rate
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.setup import DEFAULT, Setup
-from pipeline.evaluate.actions import checked, interpolated, joint_limits
+from pipeline.evaluate.actions import check_action, interpolate_targets, joint_limits
 from pipeline.evaluate.watch import Watch
 from pipeline.expert.actor import Actor
 from pipeline.poses import inverse, transform
@@ -71,8 +71,8 @@ class Trial:
         of another length or that is not finite.
         """
         before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
-        wanted = self.limits.clipped(checked(action, self.length), before, seconds)
-        rows, velocity = interpolated(before, wanted, self.per_period, seconds)
+        wanted = self.limits.clipped(check_action(action, self.length), before, seconds)
+        rows, velocity = interpolate_targets(before, wanted, self.per_period, seconds)
         for row in rows:
             if self.ending:
                 return

@@ -40,8 +40,8 @@ from pipeline.export.common import (
     reading,
 )
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.hdf5_files import misplaced, write_files
-from pipeline.export.images import decode_jpeg, padded, reordered, resize
+from pipeline.export.hdf5_files import find_misplaced, write_files
+from pipeline.export.images import decode_jpeg, padded, reencode, resize
 from pipeline.export.options import camera_names_option, image_size, one_of, option
 from pipeline.export.provenance import PROVENANCE, check_provenance
 
@@ -96,7 +96,7 @@ class Aloha(Exporter[AlohaOptions]):
         for directory, paths in groups.values():
             longest = _longest(paths) if options.pad else 0
             places, found = _places(directory, paths), {*directory.glob("episode_*.hdf5")}
-            problems += misplaced(places.values(), found)
+            problems += find_misplaced(places.values(), found)
             for path, exported in places.items():
                 if exported in found:
                     with reading(path) as file:
@@ -153,11 +153,11 @@ def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
     }
     if not longest:
         return arrays
-    arrays = {key: _lengthened(values, longest) for key, values in arrays.items()}
+    arrays = {key: _lengthen(values, longest) for key, values in arrays.items()}
     return arrays | {"timestamp": np.arange(longest) / facts.fps, "is_pad": np.arange(longest) >= len(facts)}
 
 
-def _lengthened(values: NDArray[Any], length: int) -> NDArray[Any]:
+def _lengthen(values: NDArray[Any], length: int) -> NDArray[Any]:
     """Rows with the last one repeated up to `length` rows."""
     return values[np.minimum(np.arange(max(length, len(values))), len(values) - 1)]
 
@@ -168,7 +168,7 @@ def _images(file: EpisodeFile, facts: Facts, options: AlohaOptions) -> dict[str,
     for camera, name in exported_cameras(facts, options.camera_names).items():
         stored = [bytes(b) for b in file.array(f"observation/{camera}/rgb")]
         if options.compress == "jpeg":
-            images[name] = [reordered(b, options.jpeg_order, options.size) for b in stored]
+            images[name] = [reencode(b, options.jpeg_order, options.size) for b in stored]
         else:
             frames = (decode_jpeg(b, "rgb") for b in stored)
             images[name] = [f if options.size is None else resize(f, options.size) for f in frames]
@@ -193,10 +193,10 @@ def _write(
         f["instructions/unseen"] = np.array(facts.unseen, dtype=h5py.string_dtype())
         f["motion"] = facts.motion
         for name in sorted(images):
-            data = _lengthened(padded(images[name]) if f.attrs["compress"] else np.stack(images[name]), length)
+            data = _lengthen(padded(images[name]) if f.attrs["compress"] else np.stack(images[name]), length)
             f.create_dataset(f"observations/images/{name}", data=data, chunks=(1, *data.shape[1:]))
         if f.attrs["compress"]:
-            lengths = [_lengthened(np.array([len(jpeg) for jpeg in images[name]], np.float32), length) for name in sorted(images)]
+            lengths = [_lengthen(np.array([len(jpeg) for jpeg in images[name]], np.float32), length) for name in sorted(images)]
             f["compress_len"] = np.stack(lengths)
 
 
@@ -230,7 +230,7 @@ def _wrong_image(file: EpisodeFile, camera: str, data: Any, lengths: Any, option
     for t in range(len(data)):
         stored = file.jpeg(camera, min(t, len(file) - 1))
         if lengths is not None:
-            if data[t][: lengths[t]].tobytes() != reordered(stored, options.jpeg_order, options.size):
+            if data[t][: lengths[t]].tobytes() != reencode(stored, options.jpeg_order, options.size):
                 return t
             continue
         want = decode_jpeg(stored, "rgb")

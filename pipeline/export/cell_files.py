@@ -14,9 +14,9 @@ from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import Facts, grouped, judging, make_groups, read_facts, reading, write_json
+from pipeline.export.common import Facts, group_episodes, judging, make_groups, read_facts, reading, write_json
 from pipeline.export.exporter import Exporter, Job
-from pipeline.export.hdf5_files import misplaced, write_files
+from pipeline.export.hdf5_files import find_misplaced, write_files
 from pipeline.export.images import JpegOrder
 from pipeline.export.provenance import PROVENANCE, check_provenance
 from pipeline.export.robotwin_arrays import SENSORS_WRITTEN
@@ -55,7 +55,7 @@ class CellExporter[O](Exporter[O]):
             write_arrays(made, self.arrays(file, facts, job.options), facts, self.order(job.options))
 
         with self.draft(job) as draft:
-            frames, groups = 0, grouped(job.episodes, self.place)
+            frames, groups = 0, group_episodes(job.episodes, self.place)
             for name, paths in groups.items():
                 root, told = draft.folder / name, list[tuple[EpisodeSpec, EpisodeMeta]]()
                 (root / "instructions").mkdir(parents=True)
@@ -72,10 +72,10 @@ class CellExporter[O](Exporter[O]):
     def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: O) -> list[str]:
         """Arrays and the bytes of images must be equal; for order bgr they are encoded again, which gives the same bytes."""
         problems: list[str] = []
-        for name, paths in grouped(episodes, self.place).items():
+        for name, paths in group_episodes(episodes, self.place).items():
             root, told = out / name, list[tuple[EpisodeSpec, EpisodeMeta]]()
             found = {*(root / "data").glob("episode*.hdf5")}
-            problems += misplaced({_file(root, index) for index in range(len(paths))}, found)
+            problems += find_misplaced({_file(root, index) for index in range(len(paths))}, found)
             for index, path in enumerate(paths):
                 with reading(path) as file:
                     facts = read_facts(file, dataset)

@@ -82,7 +82,7 @@ def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
     return seen[int(spec.rng("export_instruction").integers(len(seen)))]
 
 
-def ordered(episodes: Sequence[Path]) -> list[Path]:
+def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
     """Episodes in the order of every export: sorted paths. Raises ExportError when there are none or one comes twice."""
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
@@ -98,15 +98,15 @@ def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, 
 
     Vectors of different embodiments differ in width and meaning, so formats with one shape per dataset get one dataset each.
     """
-    groups = grouped(episodes, lambda spec: spec.embodiment)
+    groups = group_episodes(episodes, lambda spec: spec.embodiment)
     single = len(groups) == 1
     return {name: (out if single else out / name, paths) for name, paths in groups.items()}
 
 
-def grouped(episodes: Sequence[Path], key: Callable[[EpisodeSpec], str]) -> dict[str, list[Path]]:
+def group_episodes(episodes: Sequence[Path], key: Callable[[EpisodeSpec], str]) -> dict[str, list[Path]]:
     """Episodes in order by a key of their spec; the keys are sorted."""
     groups: dict[str, list[Path]] = {}
-    for path in ordered(episodes):
+    for path in sort_episodes(episodes):
         with reading(path) as file:
             groups.setdefault(key(file.spec), []).append(path)
     return {name: groups[name] for name in sorted(groups)}

@@ -14,10 +14,10 @@ from pipeline.export.common import (
     SUMMARY,
     ExportError,
     Progress,
-    ordered,
     read_summary,
     reading,
     size_of,
+    sort_episodes,
     stage_directory,
     write_json,
 )
@@ -121,7 +121,7 @@ class Exporter[O](ABC):
 
     def left_out(self, job: Job[O]) -> list[str]:
         """Sensors that the first episode stores and the format does not write."""
-        with reading(ordered(job.episodes)[0]) as file:
+        with reading(sort_episodes(job.episodes)[0]) as file:
             return [name for name in sensors_of(file, file.cameras) if name not in self.sensors(job.options)]
 
     def options_of(self, out: Path) -> O:

@@ -43,12 +43,12 @@ def _inputs(
     if "assets" in inputs:
         yield "assets", dict(facts.meta.drawing.assets)
     if "stored" in inputs:
-        yield "stored", _stored(file, camera, TRUTH[stage["stage"]])
+        yield "stored", _read_hash(file, camera, TRUTH[stage["stage"]])
     if "masks" in inputs:
         yield "masks", _masks(dataset, str(stage["parameters"]["masks"]), facts)
 
 
-def _stored(file: EpisodeFile, camera: str, names: tuple[str, ...]) -> str | None:
+def _read_hash(file: EpisodeFile, camera: str, names: tuple[str, ...]) -> str | None:
     try:
         return arrays_digest({name: file.array(f"observation/{camera}/{name}") for name in names})
     except EpisodeError:

@@ -100,7 +100,7 @@ def write_files(
             yield facts
 
 
-def misplaced(wanted: Collection[Path], found: Collection[Path]) -> list[str]:
+def find_misplaced(wanted: Collection[Path], found: Collection[Path]) -> list[str]:
     """Files that an export lacks or should not have."""
     missing = [f"{path}: is missing" for path in sorted({*wanted} - {*found})]
     return missing + [f"{path}: belongs to no episode" for path in sorted({*found} - {*wanted})]
@@ -156,7 +156,7 @@ class Hdf5Exporter[O](Exporter[O]):
         for directory, paths in self.directories(episodes, out).items():
             wanted = {self.file(directory, index) for index in range(len(paths))}
             found = {path for path in self.file(directory, 0).parent.glob("*.hdf5") if path.is_file()}
-            problems += misplaced(wanted, found)
+            problems += find_misplaced(wanted, found)
             for index, path in enumerate(paths):
                 exported = self.file(directory, index)
                 if exported in found:

@@ -36,7 +36,7 @@ def decode_jpeg(jpeg: bytes, order: JpegOrder) -> NDArray[np.uint8]:
     return rgb if order == "rgb" else np.ascontiguousarray(rgb[..., ::-1])
 
 
-def reordered(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = None) -> bytes:
+def reencode(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = None) -> bytes:
     """A JPEG of an episode file in another order or size; the very bytes where neither changes."""
     if order == "rgb" and size is None:
         return stored

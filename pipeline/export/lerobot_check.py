@@ -190,7 +190,7 @@ def check_images(file: EpisodeFile, camera: str, got: list[tuple[float, NDArray[
     if np.abs(np.array([t for t, _ in got]) - start - np.arange(count) / file.fps).max() > 1e-4:
         return ["video times are not those of the frames"]
     source = list(file.frames(camera))
-    changes = [_changed(a, b) for a, b in pairwise(source)]
+    changes = [_mark_changes(a, b) for a, b in pairwise(source)]
     for t, (_, image) in enumerate(got):
         error = _distance(image, source[t], None)
         if error > IMAGE_TOLERANCE:
@@ -204,7 +204,7 @@ def check_images(file: EpisodeFile, camera: str, got: list[tuple[float, NDArray[
     return []
 
 
-def _changed(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _mark_changes(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Mask (H,W), 255 where two images differ by more than CLEAR in any channel."""
     highest = np.full(3, CLEAR, np.float64)
     return np.asarray(cv2.bitwise_not(cv2.inRange(cv2.absdiff(a, b), np.zeros(3), highest)), np.uint8)

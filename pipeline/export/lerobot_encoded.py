@@ -96,9 +96,9 @@ class Known:
             return None
         if self._read is None or self._read[0] != place:
             self._read = place, pq.ParquetFile(place[0]).read_row_group(place[1]).to_pylist()
-        return self._encoded([row for row in self._read[1] if row["sha256"] == sha])
+        return self._read_encoded([row for row in self._read[1] if row["sha256"] == sha])
 
-    def _encoded(self, rows: Sequence[dict[str, Any]]) -> Encoded | None:
+    def _read_encoded(self, rows: Sequence[dict[str, Any]]) -> Encoded | None:
         videos, colors = {}, {}
         for row in rows:
             file = self.older.sound(row["file"])

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import by_embodiment, grouped
+from pipeline.export.common import by_embodiment, group_episodes
 from pipeline.export.options import camera_names_option, one_of, option, whole
 from pipeline.export.video import CODECS, Codec
 
@@ -43,9 +43,9 @@ def datasets_of(episodes: Sequence[Path], out: Path, per_task: bool) -> dict[str
     EPISODES_PER_DATASET episodes gets one for every level.
     """
     if per_task:
-        groups = grouped(episodes, _cell)
+        groups = group_episodes(episodes, _cell)
         return {name: (out / name, paths) for name, paths in groups.items()}
-    levels = grouped(episodes, lambda spec: f"{spec.embodiment}/L{spec.level}")
+    levels = group_episodes(episodes, lambda spec: f"{spec.embodiment}/L{spec.level}")
     sizes: Counter[str] = Counter()
     for name, paths in levels.items():
         sizes[name.split("/")[0]] += len(paths)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.data import parsing
 from pipeline.data.names import CAMERAS
-from pipeline.data.parsing import LARGEST_NUMBER, ParseError, pixels, shown
+from pipeline.data.parsing import LARGEST_NUMBER, ParseError, pixels, show_value
 from pipeline.export.common import ExportError
 
 
@@ -57,9 +57,9 @@ def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]
         try:
             values[name] = text if isinstance(text, bool) else f.metadata["parse"](parsing.line(text))
         except ParseError as error:
-            raise ExportError(f"{flag_name(f)} {shown(text)} {error}") from error
+            raise ExportError(f"{flag_name(f)} {show_value(text)} {error}") from error
         except ValueError as error:
-            raise ExportError(f"{flag_name(f)} {shown(text)}: {error}") from error
+            raise ExportError(f"{flag_name(f)} {show_value(text)}: {error}") from error
     return kind(**values)
 
 

@@ -27,11 +27,11 @@ from pipeline.export.common import (
     Facts,
     exported_cameras,
     judging,
-    ordered,
     read_facts,
     read_summary,
     reading,
     same,
+    sort_episodes,
     source_of,
 )
 from pipeline.export.exporter import Exporter, Job, register
@@ -65,7 +65,7 @@ class Parquet(Exporter[ParquetOptions]):
 
     def export(self, job: Job[ParquetOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes, and for episodes that differ in fps or cameras."""
-        paths = ordered(job.episodes)
+        paths = sort_episodes(job.episodes)
         with self.draft(job) as draft:
             folder = draft.folder
             firsts = _firsts(paths, job.dataset)
@@ -108,7 +108,7 @@ class Parquet(Exporter[ParquetOptions]):
 
     def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: ParquetOptions) -> list[str]:
         """Every value and every byte of the images must be the episode's."""
-        paths = ordered(episodes)
+        paths = sort_episodes(episodes)
         files = sorted(out.glob("data-*.parquet"))
         problems: list[str] = []
         try:
@@ -204,13 +204,13 @@ class _Files:
             return 0
         if not full and count < len(items) - start:  # it ended for want of episodes, and there are more
             return 0
-        made_from = self._made_from(items[start : start + count])
+        made_from = self._sources_of(items[start : start + count])
         if not self.draft.keep(self.draft.folder / name, made_from, episodes=count, full=full):
             return 0
         self.count += 1
         return count
 
-    def _made_from(self, items: Sequence[list[Any]]) -> list[Any]:
+    def _sources_of(self, items: Sequence[list[Any]]) -> list[Any]:
         return [self.schema.serialize().to_pybytes().hex(), *items]
 
     def write(self, table: pa.Table, item: list[Any]) -> None:
@@ -230,7 +230,7 @@ class _Files:
             self._writer.close()
             self._writer = None
             path = self.draft.folder / f"data-{self.count:05d}.parquet"
-            self.draft.record(path, self._made_from(self._items), episodes=len(self._items), full=full)
+            self.draft.record(path, self._sources_of(self._items), episodes=len(self._items), full=full)
             self.count, self._items = self.count + 1, []
 
 

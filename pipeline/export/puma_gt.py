@@ -113,7 +113,7 @@ class PumaGt(Exporter[PumaGtOptions]):
                 first = None
                 with closing(Provenance(root / "episodes.parquet")) as rows:
                     for index, path in enumerate(paths):
-                        facts, data = _coded(index, path, job.dataset)
+                        facts, data = _encode(index, path, job.dataset)
                         first = first or facts
                         same(first, facts)
                         place = root / f"ep{index:03d}"
@@ -132,7 +132,7 @@ class PumaGt(Exporter[PumaGtOptions]):
             problems += [f"{root}: has {found} episodes for {len(paths)}"] * (found != len(paths))
             for index, path in enumerate(paths):
                 place = root / f"ep{index:03d}" / "gt.pkl"
-                if not place.is_file() or place.read_bytes() != _coded(index, path, dataset)[1]:
+                if not place.is_file() or place.read_bytes() != _encode(index, path, dataset)[1]:
                     problems.append(f"{place}: is not that of {path}")
         return problems
 
@@ -142,7 +142,7 @@ def _roots(episodes: Sequence[Path], out: Path, options: PumaGtOptions) -> Itera
         yield (out / options.dataset_name if root == out else root), paths
 
 
-def _coded(index: int, path: Path, dataset: Path) -> tuple[Facts, bytes]:
+def _encode(index: int, path: Path, dataset: Path) -> tuple[Facts, bytes]:
     with reading(path) as file:
         facts = read_facts(file, dataset)
     return facts, pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL)

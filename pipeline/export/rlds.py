@@ -30,7 +30,7 @@ from pipeline.export.common import (
     ExportError,
     Facts,
     exported_cameras,
-    grouped,
+    group_episodes,
     judging,
     read_facts,
     reading,
@@ -38,7 +38,7 @@ from pipeline.export.common import (
     write_json,
 )
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.images import reordered
+from pipeline.export.images import reencode
 from pipeline.export.options import camera_names_option, image_size, option, whole
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.export.reuse import Draft
@@ -121,7 +121,7 @@ class Rlds(Exporter[RldsOptions]):
 
 def _directories(episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
     """Directory of each robot and its episodes; TensorFlow Datasets wants names of small letters, digits and underscores."""
-    groups = grouped(episodes, lambda spec: "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower()))
+    groups = group_episodes(episodes, lambda spec: "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower()))
     return {out / name / VERSION: paths for name, paths in groups.items()}
 
 
@@ -176,7 +176,7 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
         values[f"episode_metadata/{name}"] = [value.encode()] if kind is str else np.array([value], NUMBERS[kind])
     for camera, name in exported_cameras(facts, options.camera_names).items():
         images = file.array(f"observation/{camera}/rgb")
-        values[f"steps/observation/{name}"] = [reordered(bytes(image), "rgb", options.size) for image in images]
+        values[f"steps/observation/{name}"] = [reencode(bytes(image), "rgb", options.size) for image in images]
         if file.has(f"observation/{camera}/depth"):
             values[f"steps/observation/depth_{name}"] = [_png(image) for image in file.array(f"observation/{camera}/depth")]
     return values

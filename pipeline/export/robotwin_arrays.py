@@ -14,7 +14,7 @@ from PIL import ImageColor
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.common import ExportError, Facts
-from pipeline.export.images import JpegOrder, reordered
+from pipeline.export.images import JpegOrder, reencode
 from pipeline.export.sensors import DEPTH, POINTCLOUD, SEGMENTATION
 from pipeline.poses import compose, pose
 
@@ -72,5 +72,5 @@ def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_
     stored = file.array(f"observation/{camera}/rgb")
     if order == "rgb":
         return stored
-    images = [reordered(bytes(jpeg), order) for jpeg in stored]
+    images = [reencode(bytes(jpeg), order) for jpeg in stored]
     return np.array(images, dtype=f"S{max(map(len, images))}")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.data.select import parse_where, selected
+from pipeline.data.select import parse_where, select_specs
 from pipeline.export.common import ExportError, reading
 
 
@@ -31,7 +31,7 @@ def select_episodes(episodes: Sequence[Path], where: str) -> list[Path]:
     for path in episodes:
         with reading(path) as file:
             specs.append(file.spec)
-    chosen = [path for path, fits in zip(episodes, selected(specs, wanted), strict=True) if fits]
+    chosen = [path for path, fits in zip(episodes, select_specs(specs, wanted), strict=True) if fits]
     if not chosen:
         raise ExportError(f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds")
     return chosen

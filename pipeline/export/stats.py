@@ -71,7 +71,7 @@ class PlaneCounts:
             self._counts += color_counts([frame.to_ndarray(format="rgb24", src_color_range="JPEG")])
             return
         luma, blue, red = (samples(plane) for plane in frame.planes)
-        self._waiting.append((_thinned(luma, step), *(_spread(chroma, step) for chroma in (red, blue))))
+        self._waiting.append((_thin(luma, step), *(_spread(chroma, step) for chroma in (red, blue))))
         if len(self._waiting) == TOGETHER:
             self._count()
 
@@ -90,7 +90,7 @@ def _spread(chroma: Any, step: int) -> Any:
     """Chroma (h,w) interpolated linearly, as libjpeg does it, at all pixels that count; where `step` is even, what `_at_pixels`
     interpolates from, (h+1,w+1)."""
     if step % 2:
-        return _thinned(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
+        return _thin(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
     return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
 
 
@@ -103,7 +103,7 @@ def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     return cv2.addWeighted(across[:, 1:], 0.75, across[:, :-1], 0.25, 0)[:, :: step // 2, :: step // 2]
 
 
-def _thinned(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     """Every step-th sample of a plane, both ways, as an array of its own."""
     if step not in (2, 4, 8):
         return plane[::step, ::step].copy()

@@ -30,7 +30,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.export.common import ExportError, Facts, grouped
+from pipeline.export.common import ExportError, Facts, group_episodes
 from pipeline.export.exporter import register
 from pipeline.export.hdf5_files import Contents, Hdf5Exporter
 from pipeline.export.images import JpegOrder
@@ -63,7 +63,7 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
         return ("depth", "pointcloud")
 
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-        return {out / name: paths for name, paths in grouped(episodes, _place).items()}
+        return {out / name: paths for name, paths in group_episodes(episodes, _place).items()}
 
     def file(self, directory: Path, index: int) -> Path:
         return directory / "data" / f"episode_{index:07d}.hdf5"

@@ -57,15 +57,15 @@ class ZarrArray:
 
     def write(self, number: int, values: NDArray[Any]) -> None:
         """Write a chunk; the last one is filled up with zeros."""
-        self.chunk(number).write_bytes(pa.Codec("zstd", LEVEL).compress(self._filled(values).tobytes(), asbytes=True))
+        self.chunk(number).write_bytes(pa.Codec("zstd", LEVEL).compress(self._fill(values).tobytes(), asbytes=True))
 
     def holds(self, number: int, values: NDArray[Any]) -> bool:
         """Whether a chunk on disk has these values. Raises what Arrow and the file system raise for damage."""
-        want = self._filled(values)
+        want = self._fill(values)
         got = pa.Codec("zstd").decompress(self.chunk(number).read_bytes(), want.nbytes, asbytes=True)
         return got == want.tobytes()
 
-    def _filled(self, values: NDArray[Any]) -> NDArray[Any]:
+    def _fill(self, values: NDArray[Any]) -> NDArray[Any]:
         filled = np.zeros((self.rows, *self.shape[1:]), self.dtype)
         filled[: len(values)] = values
         return filled

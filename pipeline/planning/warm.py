@@ -13,7 +13,7 @@ from pipeline.poses import IDENTITY, pose
 from pipeline.world.body import TABLE_COLLISION
 
 
-def compiled() -> bool:
+def is_compiled() -> bool:
     """Whether kernels of this installation are in numba's cache already."""
     return any((Path(__file__).parent / "__pycache__").glob("collision_kernels.first_contact*.nbi"))
 

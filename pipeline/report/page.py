@@ -41,14 +41,14 @@ def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
     table = entries.attempts()
     with atomic_path(dataset.attempts) as temporary:
         pq.write_table(table, temporary, compression="zstd")
-    seen = list(_seen(dataset, entries, recipe.fps))
+    seen = list(_observe(dataset, entries, recipe.fps))
     keys = {task: _key(dataset, task, recipe.embodiments) for task in recipe.tasks}
     return write_report(
         dataset.root, Material(seen, CellRows(table), keys), _annotations(dataset, dataset.accepted(recipe), sheet_of)
     )
 
 
-def _seen(dataset: Dataset, entries: Entries, fps: int) -> Iterator[Observation]:
+def _observe(dataset: Dataset, entries: Entries, fps: int) -> Iterator[Observation]:
     """The accepted episodes, by their entries."""
     rows = zip(entries.slots, entries.table["frames"].to_pylist(), _motions(entries), strict=True)
     for slot, frames, motion in rows:

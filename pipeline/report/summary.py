@@ -117,10 +117,10 @@ def write_report(dataset: Path, material: Material, extras: Sequence[Section] = 
         links.append(TaskLink(title, f"tasks/{page.name}", len(own), counts.total(), counts["accepted"]))
         key = material.keys.get(task, "")
         if not key or not _is_of(page, key):
-            report = _summed_up(f"{dataset.resolve().name}: {title}", own, by_cell, tried)
+            report = _summarise(f"{dataset.resolve().name}: {title}", own, by_cell, tried)
             _write(page, replace(report, tasks=[TaskSection(title, _cards(dataset, own, by_cell, tried, 1))], key=key))
     page = dataset / "report" / "index.html"
-    report = _summed_up(dataset.resolve().name, cells, by_cell, tried)
+    report = _summarise(dataset.resolve().name, cells, by_cell, tried)
     _write(page, replace(report, extras=extras, tasks=sections, links=links))
     return page
 
@@ -151,11 +151,11 @@ def _cards(
     found = []
     for cell in cells:
         card = _cell_card(cell, tried.get(cell, ()), by_cell.get(cell, [])[:films])
-        found.append(replace(card, failed=_failed(dataset, cell, films)))
+        found.append(replace(card, failed=_failure_strips(dataset, cell, films)))
     return found
 
 
-def _summed_up(name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts) -> Report:
+def _summarise(name: str, cells: Sequence[Cell], by_cell: Mapping[Cell, list[Observation]], tried: Attempts) -> Report:
     """The report of some cells without their cards. Attempts are read cell by cell: there may be too many to hold at once."""
     seen = [o for cell in cells for o in by_cell.get(cell, ())]
     total = Totals()
@@ -248,7 +248,7 @@ def _moves(total: Totals) -> list[Moves]:
     ]
 
 
-def _failed(dataset: Path, cell: Cell, most: int) -> list[Strip]:
+def _failure_strips(dataset: Path, cell: Cell, most: int) -> list[Strip]:
     """The last frames of attempts that failed in the cell, `most` pictures at most."""
     strips = []
     for path in sorted(failed_folder(dataset, RecipeCell(*cell).path).glob("*-*-*-*.jpg"))[:most]:

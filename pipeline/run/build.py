@@ -20,7 +20,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.data.store.urls import with_urls
-from pipeline.planning.warm import compiled, warm_up
+from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
@@ -177,7 +177,7 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
         f"episodes to make: {len(todo):,}, in {with_urls(str(dataset.root))}; {cost.describe(len(todo), pool.workers)}. "
         "Ctrl-C stops; rerun the same command to resume"
     )
-    if not compiled():
+    if not is_compiled():
         progress.show_activity("compiling, once, about 20 s")
         if pool.executor != "inline":
             warm_up(todo[0].cell.embodiment)

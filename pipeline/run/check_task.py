@@ -11,7 +11,7 @@ from pipeline.data.findings import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.run.reasons import reasons, row_of
-from pipeline.run.unreached import draw, unreached
+from pipeline.run.unreached import draw, find_unreached
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
@@ -65,14 +65,14 @@ def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout], imag
     detail = f"seed {rollout.scene.spec.seed}" if rollout else f"none of {SEEDS_PER_LEVEL} seeds was accepted"
     detail += "".join(f"; {reason.describe()}" for reason in reasons(map(row_of, failures)))
     yield Finding(f"level {spec.level}", rollout is not None, detail)
-    yield from _episode(spec.level, rollout) if rollout else _unreached(spec, failures, images)
+    yield from _episode(spec.level, rollout) if rollout else _find_unreached(spec, failures, images)
 
 
-def _unreached(spec: EpisodeSpec, failures: Sequence[Failure], images: Path | None) -> Iterator[Finding]:
+def _find_unreached(spec: EpisodeSpec, failures: Sequence[Failure], images: Path | None) -> Iterator[Finding]:
     """The first pose of the most frequent failure that is about poses, and where its image is."""
     usual = [(failure.stage, failure.reason) for failure in failures]
     for seed, failure in sorted(enumerate(failures), key=lambda each: -usual.count(usual[each[0]])):
-        if (found := unreached(failure)) is None:
+        if (found := find_unreached(failure)) is None:
             continue
         detail = f"seed {seed}: {found.text}"
         if images is not None:

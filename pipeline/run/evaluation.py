@@ -56,7 +56,7 @@ def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str =
 
 
 @contextmanager
-def answered_together(wanted: Evaluation, pool: Pool, wait: float | None) -> Iterator[Evaluation]:
+def answer_together(wanted: Evaluation, pool: Pool, wait: float | None) -> Iterator[Evaluation]:
     """The evaluation with its policy made once, in this process, for all workers of a pool: a batch waits `wait` seconds for more.
 
     The same evaluation for None and for one worker. Raises PolicyError for workers on other machines, and as `host_policy`.

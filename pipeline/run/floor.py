@@ -54,7 +54,7 @@ def judge(cell: Cell, wanted: int, floor: Floor, first: Sequence[Rows]) -> Stop 
 
 def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
     """The stopped cells of a dataset, by its ledger."""
-    tried = _tried(dataset, recipe)
+    tried = _read_attempts(dataset, recipe)
     for cell, wanted in recipe.counts().items() if recipe.floor else ():
         if recipe.floor and wanted > recipe.floor.slots:
             rows = [tried[slot] for index in range(recipe.floor.slots) if (slot := Slot(cell, index)) in tried]
@@ -62,7 +62,7 @@ def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
                 yield stop
 
 
-def _tried(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
+def _read_attempts(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
     """The attempts at the first slots of every cell, by the ledger."""
     if recipe.floor is None:
         return {}
@@ -93,13 +93,13 @@ class Probation:
                 self._held.setdefault(job.slot.cell, []).append(job)
         jobs.clear()
         jobs.extend(ready)
-        tried = _tried(dataset, recipe)
+        tried = _read_attempts(dataset, recipe)
         for cell in self._held:
             first = self._first[cell] = {}
             for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):
                 first[slot.index] = None if slot in pending else tried.get(slot)
         for cell in list(self._held):
-            jobs.extend(self._judged(cell))
+            jobs.extend(self._make_jobs(cell))
 
     def finish(self, slot: Slot, attempts: Rows) -> "list[SlotJob]":
         """Note a slot that ended, and return the jobs that may start now."""
@@ -107,9 +107,9 @@ class Probation:
         if slot.index not in first:
             return []
         first[slot.index] = attempts
-        return self._judged(slot.cell)
+        return self._make_jobs(slot.cell)
 
-    def _judged(self, cell: Cell) -> "list[SlotJob]":
+    def _make_jobs(self, cell: Cell) -> "list[SlotJob]":
         rows = [rows for rows in self._first[cell].values() if rows is not None]
         if self._recipe.floor is None or cell not in self._held or len(rows) < self._recipe.floor.slots:
             return []

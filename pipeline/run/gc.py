@@ -69,7 +69,7 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
         for path in stage.rglob("*.h5"):
             if path.relative_to(stage).with_suffix(".hdf5").as_posix() not in held and _EPISODE.fullmatch(path.stem):
                 yield orphan(path, "annotation of no episode")
-    named = _named(dataset, recipe, held)
+    named = _list_named(dataset, recipe, held)
     for path in dataset.bodies.glob("[0-9a-f][0-9a-f]/*.npz"):
         if named is not None and path.stem not in named and _ASSET.fullmatch(path.stem):
             yield orphan(path, "asset of no episode")
@@ -77,7 +77,7 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
         yield orphan(path, HALF)
 
 
-def _named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
+def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
     """The assets that episodes and stored failures name; None if one cannot be read, since any asset may be in use then."""
     entries = dataset.entries(recipe, ("assets",))
     named = set(entries.table["assets"].combine_chunks().flatten().to_pylist())

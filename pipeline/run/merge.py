@@ -51,7 +51,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
         if here.is_relative_to(there) or there.is_relative_to(here):
             raise DatasetError(f"--out {out.root} is one of the datasets, within one or around it: name another directory")
     recipes = [source.recipe() for source in sources]
-    recipe = _joined(sources, recipes)
+    recipe = _join_recipes(sources, recipes)
     held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]
     _check_keys(sources, held)
     out.create(recipe)
@@ -85,7 +85,7 @@ def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], o
     return Merged(wanted, sum(accepted), len(accepted) - sum(accepted), tuple(taken))
 
 
-def _joined(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
+def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
     """The recipe that wants the slots of all recipes."""
     first = recipes[0]
     for source, other in zip(sources[1:], recipes[1:], strict=True):

@@ -12,7 +12,7 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
-from pipeline.data.parsing import shown
+from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.data.rules import Corrections
 from pipeline.motion.models import MODELS, levels_of
@@ -37,7 +37,7 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     for task in tasks:
         if task not in TASKS:
             near = ", ".join(get_close_matches(task, TASKS, 3))
-            raise RecipeError(f"{source}: no task {shown(task)}{near and f', but {near}'}; `domino-data tasks` lists them")
+            raise RecipeError(f"{source}: no task {show_value(task)}{near and f', but {near}'}; `domino-data tasks` lists them")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
     except UnknownEmbodiment as error:
@@ -48,7 +48,7 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     check_size(recipe, source)
     _check_links(recipe, source)
     recipe = with_originals(recipe)
-    objects = _known_objects(recipe, (flags or {}).get("objects") or f"{source}: objects:")
+    objects = _check_objects(recipe, (flags or {}).get("objects") or f"{source}: objects:")
     if recipe.perturb and recipe.corrections is None:
         where = (flags or {}).get("perturb") or f"{source}: perturb:"
         raise RecipeError(f"{where} perturbs the robot after a policy has acted: name a policy to correct, too (corrections)")
@@ -71,7 +71,7 @@ def named_policy(corrections: Corrections) -> Corrections:
 def _check_motions(recipe: Recipe, where: Mapping[str, str]) -> None:
     """Raise RecipeError for a model of motions that does not exist, or a level that the model of a task does not have."""
     if recipe.motion is not None and recipe.motion not in MODELS:
-        raise RecipeError(f"{where['motion']} no motion {shown(recipe.motion)}; choose from {', '.join(MODELS)}")
+        raise RecipeError(f"{where['motion']} no motion {show_value(recipe.motion)}; choose from {', '.join(MODELS)}")
     for model in dict.fromkeys(recipe.motion or TASKS[task].motion for task in recipe.tasks):
         known = levels_of(model)
         for level in recipe.levels:
@@ -138,7 +138,7 @@ def _check_arms(recipe: Recipe, where: str) -> None:
             raise RecipeError(f"{where} {name} has no arm for {', '.join(beyond)}: leave these tasks out, or use two arms")
 
 
-def _known_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
+def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     """The objects that stand for families, by their full names: `mug` also means mug_0, mug_1 and so on.
 
     Raises RecipeError for one that does not exist, that stands for another family or has not all frames of its family, and for a
@@ -149,9 +149,9 @@ def _known_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     for key, names in recipe.objects.items():
         task, _, family = key.rpartition(".")
         if family not in FAMILIES or stands_for(FAMILIES[family]) is not None:
-            raise RecipeError(f"{where} no object family {shown(family)}; `domino-data objects` lists them")
+            raise RecipeError(f"{where} no object family {show_value(family)}; `domino-data objects` lists them")
         if task and task not in TASKS:
-            raise RecipeError(f"{where} no task {shown(task)}; `domino-data tasks` lists them")
+            raise RecipeError(f"{where} no task {show_value(task)}; `domino-data tasks` lists them")
         wanted_by = {task: families_of(TASKS[task])} if task else drawn
         if not any(family in families for families in wanted_by.values()):
             theirs = ", ".join(sorted(frozenset[str]().union(*wanted_by.values())))
@@ -170,7 +170,7 @@ def _instances(name: str, family: str, where: str) -> list[str]:
     if not known:
         ours = [each for each in FAMILIES if stands_for(FAMILIES[each]) == family]
         fix = f"those of {family} are {', '.join(ours)}" if ours else "add it with `domino-data objects add`, and give --plugins"
-        raise RecipeError(f"{where} no object {shown(name)}; {fix}")
+        raise RecipeError(f"{where} no object {show_value(name)}; {fix}")
     for each in known:
         if (other := stands_for(FAMILIES[each])) != family:
             raise RecipeError(f"{where} {each} stands for {other}, not for {family}; change family in its object.toml")
@@ -189,7 +189,7 @@ def _check_links(recipe: Recipe, source: str) -> None:
                 lacking.append(links)
         if lacking and not all(camera.link in _bodies(task) for task in recipe.tasks):
             links = ", ".join(lacking[0])
-            raise RecipeError(f"{source}: cameras: {camera.name} is on {shown(camera.link)}; a robot's links are {links}")
+            raise RecipeError(f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links are {links}")
 
 
 def _bodies(task: str) -> set[str]:

@@ -41,7 +41,7 @@ def load_plugins() -> None:
     Raises PluginError for a directory that is missing, and for a module that cannot be imported or whose name another one has.
     """
     for point in _points():
-        _imported(point.module, f"entry point {point.name}")
+        _import(point.module, f"entry point {point.name}")
     for directory in directories():
         if not os.path.isdir(directory):  # False also for a name that is too long
             raise PluginError(f"--plugins {directory}: is no directory")
@@ -52,7 +52,7 @@ def load_plugins() -> None:
 
             register_all(directory / "robots")
         for name in _top(directory):
-            module = _imported(name, f"--plugins {directory}")
+            module = _import(name, f"--plugins {directory}")
             if directory not in Path(str(module.__file__)).resolve().parents:
                 raise PluginError(f"--plugins {directory}: another module is called {name!r} ({module.__file__}); rename yours")
     for directory in directories():  # their families may be of another directory
@@ -92,7 +92,7 @@ def announced_verbs() -> Iterator[Callable[..., None]]:
     """The functions of the entry points VERBS. One that cannot be imported is named on standard error and left out."""
     for point in entry_points(group=VERBS):
         try:
-            yield getattr(_imported(point.module, f"entry point {point.name}"), point.attr)
+            yield getattr(_import(point.module, f"entry point {point.name}"), point.attr)
         except (PluginError, AttributeError) as error:
             print(f"domino-data: warning: the command {point.name} is left out: {error}", file=sys.stderr)
 
@@ -103,7 +103,7 @@ def _points() -> list[EntryPoint]:
     return [point for group in GROUPS for point in found.select(group=group)]
 
 
-def _imported(name: str, source: str):
+def _import(name: str, source: str):
     try:
         return importlib.import_module(name)
     except DominoError:

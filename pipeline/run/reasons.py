@@ -52,7 +52,7 @@ def reasons(rows: Iterable[Mapping[str, Any]]) -> list[Reason]:
     for (stage, reason), members in groups.items():
         conditions = Counter(name for row in members for name in row.get("conditions") or ())
         found.append(_reason(stage, reason, [row.get("detail") or "" for row in members], conditions))
-    return _sorted(found)
+    return _sort(found)
 
 
 def reasons_in(attempts: pa.StructArray) -> list[Reason]:
@@ -63,17 +63,17 @@ def reasons_in(attempts: pa.StructArray) -> list[Reason]:
     for reason, stage in np.unique(np.stack([of_reason, of_stage])[:, failed], axis=1).T.tolist():
         rows = attempts.filter(mask_of((of_reason == reason) & (of_stage == stage)))
         details = [detail or "" for detail in rows.field("detail").to_pylist()]
-        conditions = _counted(rows.field("conditions").flatten())
+        conditions = _count(rows.field("conditions").flatten())
         found.append(_reason(stages[stage] if stage >= 0 else "", names[reason], details, conditions))
-    return _sorted(found)
+    return _sort(found)
 
 
-def _counted(values: pa.Array) -> Counter[str]:
+def _count(values: pa.Array) -> Counter[str]:
     numbered, different = codes(values)
     return Counter(dict(zip(different, np.bincount(numbered, minlength=len(different)).tolist(), strict=True)))
 
 
-def _sorted(found: Iterable[Reason]) -> list[Reason]:
+def _sort(found: Iterable[Reason]) -> list[Reason]:
     return sorted(found, key=lambda r: (-r.attempts, r.stage, r.reason))
 
 

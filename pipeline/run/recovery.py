@@ -41,7 +41,7 @@ def recover(dataset: Dataset, recipe: Recipe) -> int:
     if not rows:
         return 0
     hashes = dict(zip(known.slots, known.table["sha256"].to_pylist(), strict=True))
-    found = list(_recovered(dataset, recipe, orphans, rows, hashes))
+    found = list(_recover(dataset, recipe, orphans, rows, hashes))
     if found:
         dataset.ledger.add(found)
         dataset.ledger.compact()
@@ -67,7 +67,7 @@ def _name_once(dataset: Dataset, recipe: Recipe) -> None:
         dataset.ledger.compact()
 
 
-def _recovered(
+def _recover(
     dataset: Dataset, recipe: Recipe, orphans: Sequence[Slot], rows: Rows, hashes: dict[Slot, str]
 ) -> Iterator[tuple[Slot, SlotRecord]]:
     """Entries of those orphans that are whole; variants follow the slot whose physics they show."""

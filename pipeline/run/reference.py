@@ -148,7 +148,7 @@ def _recipe_key(name: str) -> tuple[str, str, str]:
     field = Recipe.model_fields[name]
     value = field.default if field.default is not PydanticUndefined else field.default_factory()  # pyright: ignore
     text = ", ".join(map(str, value)) if isinstance(value, tuple) else "" if isinstance(value, Mapping) else _yaml(value)
-    allowed = _allowed(Recipe.model_json_schema()["properties"][name])
+    allowed = _describe_values(Recipe.model_json_schema()["properties"][name])
     return f"`{name}`", f"`{text}`" if text else "none", " ".join((field.description or "").split()) + allowed
 
 
@@ -159,7 +159,7 @@ def _yaml(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else "null" if value is None else str(value)
 
 
-def _allowed(schema: Mapping[str, Any]) -> str:
+def _describe_values(schema: Mapping[str, Any]) -> str:
     """What values a key may have, from its JSON schema."""
     schema = schema.get("anyOf", [schema])[0]
     one = schema.get("items", schema) if schema.get("type") == "array" else schema

@@ -60,7 +60,7 @@ class Unreached:
         return said + f"the nearest pose in reach and free is {_place(self.nearest)}, {100 * apart:.1f} cm away"
 
 
-def unreached(failure: Failure) -> Unreached | None:
+def find_unreached(failure: Failure) -> Unreached | None:
     """What could not be reached; None for a failure that is not about poses."""
     plan = failure.__cause__
     if not isinstance(plan, PlanFailure) or not isinstance(plan.arm, ArmPlanner) or plan.wanted is None or not len(plan.wanted):
@@ -102,7 +102,7 @@ def draw(found: Unreached, scene: Scene, failure: Failure, path: Path) -> None:
     appearance = appearance_of(scene)
     cameras = wanted_cameras(appearance.cameras, Setup(cameras=("head", "observer"), size=SIZE))
     views = render(replace(appearance, cameras=cameras), failure.log, frames=[len(failure.log) - 1])
-    images = [_drawn(view, found) for view in views]
+    images = [_draw_axes(view, found) for view in views]
     words = found.text.replace("; ", "\n").splitlines()
     bar = np.full((22 * len(words) + 10, sum(image.shape[1] for image in images), 3), 255, np.uint8)
     for row, (line, color) in enumerate(zip(words, (WANTED, NEAREST), strict=False)):
@@ -111,7 +111,7 @@ def draw(found: Unreached, scene: Scene, failure: Failure, path: Path) -> None:
     write_atomic(path, _png(np.vstack([np.hstack(images), bar])))
 
 
-def _drawn(view: View, found: Unreached) -> NDArray[np.uint8]:
+def _draw_axes(view: View, found: Unreached) -> NDArray[np.uint8]:
     """The only image of a view with the axes of both poses and a line between them."""
     image = np.ascontiguousarray(view.rgb[0])
     for tcp, color in ((found.nearest, NEAREST), (found.wanted, WANTED)):

@@ -24,7 +24,7 @@ def redraw(path: Path, camera: str, bodies: Path) -> View:
     `bodies` is where its dataset keeps what bodies look like (Dataset.bodies). Raises EpisodeError, naming the file, if that
     does not hold what the episode was drawn from.
     """
-    episode, appearance = _stored(path, bodies)
+    episode, appearance = _read_stored(path, bodies)
     appearance = appearance.seen_by(camera)
     if not appearance.cameras:
         raise EpisodeError(f"{path}: has no camera {camera}: it has {', '.join(episode.meta.drawing.cameras)}")
@@ -34,7 +34,7 @@ def redraw(path: Path, camera: str, bodies: Path) -> View:
 def redraw_smooth(path: Path, bodies: Path, *cameras: str) -> list[View]:
     """A stored episode in `raster-smooth` at 640x480: from a camera that frames both arms and the whole path of the target,
     then from stored cameras. Raises as `redraw`."""
-    episode, appearance = _stored(path, bodies)
+    episode, appearance = _read_stored(path, bodies)
     stored = [
         replace(c, type=replace(c.type, width=FILMED.width, height=FILMED.height)) for c in appearance.seen_by(*cameras).cameras
     ]
@@ -50,7 +50,7 @@ def facing(log: StateLog, *bodies: str) -> Camera:
     return Camera(OBSERVER, FILMED, None, framed(points, FACING, FILMED, FREE))
 
 
-def _stored(path: Path, bodies: Path) -> tuple[Episode, Appearance]:
+def _read_stored(path: Path, bodies: Path) -> tuple[Episode, Appearance]:
     with EpisodeFile(path) as file:
         episode = file.read()
     try:

@@ -67,7 +67,7 @@ def visuals_of(spec: EpisodeSpec, setup: Setup = DEFAULT, variant: int = 0) -> V
     seed and variant has a stream of its own, so that more variants change none of those there are. Textures and light that the
     setup brings replace those of every look. Raises BroughtError if they are missing or have changed.
     """
-    visuals = _drawn_visuals(spec, setup, variant)
+    visuals = _draw_visuals(spec, setup, variant)
     if isinstance(setup.textures, Brought):
         rng = spec.rng(f"textures/{setup.visual_seed}/{variant}")
         visuals = with_textures(visuals, textures_of(setup.textures), rng)
@@ -82,7 +82,7 @@ def images_of(visuals: Visuals, setup: Setup) -> dict[str, Rgba]:
     return {kind: found[kind][surface.seed][0] for kind, surface in surfaces.items() if surface.pattern == IMAGE}
 
 
-def _drawn_visuals(spec: EpisodeSpec, setup: Setup, variant: int) -> Visuals:
+def _draw_visuals(spec: EpisodeSpec, setup: Setup, variant: int) -> Visuals:
     split = setup.textures if isinstance(setup.textures, str) else "seen"
     if setup.visuals == "clean":
         return CLEAN

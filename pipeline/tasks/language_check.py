@@ -84,7 +84,7 @@ def _leaks(text: str, _: Wording) -> bool:
     return bool(re.search(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]", text)) or text != text.strip()
 
 
-def _unfinished(text: str, _: Wording) -> bool:
+def _is_unfinished(text: str, _: Wording) -> bool:
     return not re.fullmatch(r"[A-Z].*\w[.!?]", text) or bool(re.search(r"[.!?]\s+[a-z]", text))
 
 
@@ -96,7 +96,7 @@ def _twice_running(text: str, _: Wording) -> bool:
     return bool(re.search(r"\b(\w+) \1\b", text, re.IGNORECASE))
 
 
-def _named(text: str, wording: Wording) -> list[str]:
+def _find_names(text: str, wording: Wording) -> list[str]:
     """The longest description of each body that stands in a text."""
     found, plain = [], f" {' '.join(re.findall(r'[\w-]+', text.lower()))} "
     for words in wording.objects.values():
@@ -107,7 +107,15 @@ def _named(text: str, wording: Wording) -> list[str]:
 
 def _repeats(text: str, wording: Wording) -> bool:
     """Whether a noun of the scene, or an arm, is named twice; a noun before another one ("bread basket") only qualifies it."""
-    known = {noun for d in _named(text, wording) for noun in nouns(d)} | {"button", "handle", "peg", "cap", "ball", "code", "table"}
+    known = {noun for d in _find_names(text, wording) for noun in nouns(d)} | {
+        "button",
+        "handle",
+        "peg",
+        "cap",
+        "ball",
+        "code",
+        "table",
+    }
     said = [singular(word) for word in re.findall(r"[\w-]+", text.lower())]
     heads = [word for word, after in zip(said, [*said[1:], ""], strict=True) if word in known and after not in known]
     arms = [m[0].lower() for m in _SIDE.finditer(text)]
@@ -116,7 +124,7 @@ def _repeats(text: str, wording: Wording) -> bool:
 
 def _disagrees(text: str, wording: Wording) -> bool:
     """Whether a pronoun or a verb is in the wrong number for what is known to be one thing or several."""
-    for thing in sorted([*_named(text, wording), "left arm", "right arm"], key=len, reverse=True):
+    for thing in sorted([*_find_names(text, wording), "left arm", "right arm"], key=len, reverse=True):
         text = re.sub(rf"\b(?:the )?(?:\w+ing )?{re.escape(thing)}\b", "XX", text, flags=re.IGNORECASE)
     they = _THEY.search(text)
     if they and not re.search(rf"\b({_MANY}|both|two)\b|XX.*XX", text[: they.start()]):
@@ -150,17 +158,17 @@ def _vague(text: str, _: Wording) -> bool:
     return bool(_VAGUE.search(text))
 
 
-def _misused_verb(text: str, _: Wording) -> bool:
+def _misuses_verb(text: str, _: Wording) -> bool:
     return bool(_VERB.search(text))
 
 
-def _misattached(text: str, wording: Wording) -> bool:
+def _is_misattached(text: str, wording: Wording) -> bool:
     """Whether "with the left arm" seems to belong to a goal ("on the plate with the left arm") or to the second of two things.
 
     Also whether a clause has two phrases "with ..."."""
     for clause in CLAUSE.split(text):
         arm = re.search(r" (?:with|using|by means of) the (left|right) arm\b", clause)
-        said = [d for d in _named(clause, wording) if f" {d} " in f" {clause} "]
+        said = [d for d in _find_names(clause, wording) if f" {d} " in f" {clause} "]
         if arm and re.search(r" (?:on|onto|in|into|to|over) the (?:(?!and )[\w -])*$", clause[: arm.start()]):
             return True
         if arm and any(
@@ -174,16 +182,16 @@ def _misattached(text: str, wording: Wording) -> bool:
 
 CHECKS: dict[str, Callable[[str, Wording], bool]] = {
     "slot leak": _leaks,
-    "start or end": _unfinished,
+    "start or end": _is_unfinished,
     "article": _article,
     "word twice running": _twice_running,
     "repeated noun": _repeats,
     "number": _disagrees,
     "motion at level 0": _motion_at_rest,
     "arm": _wrong_arm,
-    "attachment": _misattached,
+    "attachment": _is_misattached,
     "vague": _vague,
-    "verb": _misused_verb,
+    "verb": _misuses_verb,
 }
 
 FIXES = {

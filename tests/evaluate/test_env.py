@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from pipeline.data.setup import DEFAULT
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate import env_id
-from pipeline.evaluate.actions import ActionError, ToolPoses, interpolated, joint_limits
+from pipeline.evaluate.actions import ActionError, ToolPoses, interpolate_targets, joint_limits
 from pipeline.evaluate.case import BLIND, admit, expert, expert_actions, log_hash, start_hash
 from pipeline.evaluate.trial import Trial
 from pipeline.planning.planner import planner_for
@@ -168,7 +168,7 @@ def test_the_same_case_is_the_same_world():
 
 def test_interpolation_is_linear_and_ends_at_the_action():
     before, action = np.array([0.0, 1.0]), np.array([0.16, 0.2])
-    rows, velocity = interpolated(before, action, 16, 1 / 15)
+    rows, velocity = interpolate_targets(before, action, 16, 1 / 15)
     np.testing.assert_allclose(rows[:, 0], 0.01 * np.arange(1, 17))
     np.testing.assert_allclose(velocity, [2.4, -12.0])
     assert (rows[-1] == action).all()

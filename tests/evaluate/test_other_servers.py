@@ -21,7 +21,7 @@ from pipeline.data.errors import DominoError
 from pipeline.evaluate.policies import identify, make_policy, policy_name
 from pipeline.evaluate.policy import Observation, PolicyError, Start
 from pipeline.evaluate.serving.address import parse_address
-from pipeline.evaluate.serving.fit import padded
+from pipeline.evaluate.serving.fit import pad_to_square
 from pipeline.evaluate.serving.groot import npy, parts_of
 from pipeline.evaluate.serving.history import flow_image
 from pipeline.evaluate.serving.openpi import Openpi
@@ -488,5 +488,9 @@ def test_npy_files_are_checked_before_they_are_read():
 
 def test_images_are_padded_in_the_middle():
     image = np.full((2, 4, 3), 50, np.uint8)
-    assert (padded(image, 8)[2:6] == 50).all() and not padded(image, 8)[:2].any() and not padded(image, 8)[6:].any()
-    assert padded(np.full((480, 640, 3), 9, np.uint8), 224).shape == (224, 224, 3)
+    assert (
+        (pad_to_square(image, 8)[2:6] == 50).all()
+        and not pad_to_square(image, 8)[:2].any()
+        and not pad_to_square(image, 8)[6:].any()
+    )
+    assert pad_to_square(np.full((480, 640, 3), 9, np.uint8), 224).shape == (224, 224, 3)

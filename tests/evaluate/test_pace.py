@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.evaluate.clock import ClockError, parse_clock
-from pipeline.evaluate.pace import in_turn, joined, overlapped
+from pipeline.evaluate.pace import drive_overlapped, in_turn, join_chunks
 
 FPS, STEPS = 15, 16
 
@@ -45,7 +45,7 @@ def test_in_turn_the_robot_waits_for_every_answer():
 @pytest.mark.parametrize("delays", [[0], [1], [3], [2, 5, 1], [4]])
 def test_overlapped_every_period_executes_the_action_that_was_planned_for_it(delays):
     world = World(60)
-    overlapped(world, world.plan(10, delays), "switch")
+    drive_overlapped(world, world.plan(10, delays), "switch")
     first = delays[0]
     assert world.done[:first] == [None] * first
     assert [int(action) for action in world.done[first:]] == list(range(first, 60))
@@ -56,23 +56,23 @@ def test_overlapped_every_period_executes_the_action_that_was_planned_for_it(del
 
 def test_the_policy_is_told_what_will_be_executed_meanwhile():
     world = World(30)
-    overlapped(world, world.plan(10, [3]), "rtc")
+    drive_overlapped(world, world.plan(10, [3]), "rtc")
     assert world.asked[0] == (0, []) and world.asked[1] == (5, [5.0, 6.0, 7.0])
 
 
 def test_a_chunk_that_is_over_too_soon_keeps_its_last_action():
     world = World(9)
-    overlapped(world, world.plan(2, [4]), "switch")
+    drive_overlapped(world, world.plan(2, [4]), "switch")
     assert world.done == [None] * 4 + [1.0] * 4 + [5.001]
 
 
 def test_chunks_go_over_into_each_other():
     old, new = np.zeros((3, 1)), np.ones((6, 1))
-    assert joined(old, new, 2, "switch")[:, 0].tolist() == [1, 1, 1, 1]
-    assert joined(old, new, 2, "blend")[:, 0] == pytest.approx([0.25, 0.5, 0.75, 1])
+    assert join_chunks(old, new, 2, "switch")[:, 0].tolist() == [1, 1, 1, 1]
+    assert join_chunks(old, new, 2, "blend")[:, 0] == pytest.approx([0.25, 0.5, 0.75, 1])
     c = np.array([3, 2, 1]) / 4
-    assert joined(old, new, 2, "rtc")[:3, 0] == pytest.approx(1 - c * (np.exp(c) - 1) / (np.e - 1))
-    assert joined(np.empty((0, 1)), new, 9, "rtc")[:, 0].tolist() == [1]
+    assert join_chunks(old, new, 2, "rtc")[:3, 0] == pytest.approx(1 - c * (np.exp(c) - 1) / (np.e - 1))
+    assert join_chunks(np.empty((0, 1)), new, 9, "rtc")[:, 0].tolist() == [1]
 
 
 def test_names_of_overlapping_clocks():

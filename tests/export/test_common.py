@@ -27,9 +27,9 @@ from pipeline.export.common import (
     choose_instruction,
     event_frames,
     foreign_files,
-    ordered,
     read_facts,
     reading,
+    sort_episodes,
     stage_directory,
     unlisted_files,
 )
@@ -81,11 +81,11 @@ def test_instruction_depends_on_the_spec_only_and_uses_all_of_them():
 
 def test_order_is_that_of_the_paths_and_repeats_are_refused(dataset):
     paths = episodes_of(dataset)
-    assert ordered(paths[::-1]) == paths
+    assert sort_episodes(paths[::-1]) == paths
     with pytest.raises(ExportError, match="given twice"):
-        ordered([paths[0], paths[0]])
+        sort_episodes([paths[0], paths[0]])
     with pytest.raises(ExportError, match="no episodes"):
-        ordered([])
+        sort_episodes([])
 
 
 def test_embodiments_get_directories_only_when_there_are_several(dataset, tmp_path):

@@ -301,7 +301,7 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     shutil.rmtree(out)
     from pipeline.run.slot import redraw
 
-    redraw._loaded.cache_clear()
+    redraw._load_parts.cache_clear()
     code, said, _ = inside(*arguments)
     problems = json.loads(said)["problems"]
     assert code == 1 and any("is missing" in p for p in problems)

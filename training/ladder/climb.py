@@ -22,7 +22,7 @@ from pipeline.evaluate.evaluate import evaluate as run_evaluation
 from pipeline.evaluate.policy import PolicyName
 from pipeline.evaluate.protocol import Runner
 from pipeline.report.card.ladder import RESULTS, Result
-from training.ladder.demonstrations import Demonstration, made, stored
+from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
@@ -82,7 +82,7 @@ def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = 
             tell(f"{task}: demonstrations")
             shown = list(_demonstrations(ladder, task, out, run))
             for dataset in ladder.corrections:
-                shown += stored(dataset, ladder.recipe.model_copy(update={"tasks": (task,)}).cells())
+                shown += read_demonstrations(dataset, ladder.recipe.model_copy(update={"tasks": (task,)}).cells())
             if len(shown) == 0:
                 raise LadderError(f"{task}: there is no demonstration to learn from; give --data a dataset that has some")
             lengths = sorted({chunk for chunk, _ in ladder.executed})
@@ -126,8 +126,8 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
 def _demonstrations(ladder: Ladder, task: str, out: Path, run: Runner) -> Iterator[Demonstration]:
     recipe = ladder.recipe.model_copy(update={"tasks": (task,)})
     if ladder.data is None:
-        return made(recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / recipe.label, run)
-    return stored(ladder.data, recipe.cells())
+        return make_demonstrations(recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / recipe.label, run)
+    return read_demonstrations(ladder.data, recipe.cells())
 
 
 def train_missing(shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0) -> Path:

@@ -108,7 +108,7 @@ def fill(job: SlotJob) -> Demonstration | None:
     return None
 
 
-def made(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
+def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
     """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
     slots = list(recipe.physical_slots())
     missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
@@ -119,7 +119,7 @@ def made(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
             yield Demonstration.read(_path(where, slot))
 
 
-def stored(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstration]:
+def read_demonstrations(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstration]:
     """Demonstrations of a dataset's episodes of these cells, in the order of its slots. Raises DatasetError, EpisodeError."""
     dataset = Dataset(root)
     for path in dataset.accepted(dataset.recipe()):

@@ -53,10 +53,10 @@ def features(now: State, before: State, kind: str) -> Floats:
     Not what else changed: the robot's own speed is what imitators copy instead of looking (de Haan et al. 2019).
     """
     if kind == "velocity":
-        return np.concatenate([_seen(now), now.velocity], 1)
+        return np.concatenate([_observe(now), now.velocity], 1)
     if kind == "two_frames":
-        return np.concatenate([_seen(now), (now.poses - before.poses)[..., :3].reshape(len(now.joints), -1)], 1)
-    return _seen(now)
+        return np.concatenate([_observe(now), (now.poses - before.poses)[..., :3].reshape(len(now.joints), -1)], 1)
+    return _observe(now)
 
 
 def earlier(frames: int, back: int) -> NDArray[np.intp]:
@@ -64,7 +64,7 @@ def earlier(frames: int, back: int) -> NDArray[np.intp]:
     return np.maximum(np.arange(frames) - back, 0)
 
 
-def _seen(state: State) -> Floats:
+def _observe(state: State) -> Floats:
     """(T,F): joints, the way from each tool to each body and to each named point, position and two axes of each body."""
     tools = state.tools[:, :, None, :3]
     ways = [state.poses[:, None, :, :3] - tools, state.points[:, None] - tools]

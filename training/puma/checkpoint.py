@@ -84,13 +84,13 @@ class Tensors:
 
 def tensors_of(network: nn.Module, optimizer: torch.optim.Optimizer, keep: bool = True) -> Tensors:
     """What a checkpoint holds, gathered where it is in shares: every process calls it, and one of them keeps what it gets."""
-    weights = _gathered(network.state_dict().items(), keep)
+    weights = _gather(network.state_dict().items(), keep)
     state: Mapping[Any, dict[str, Tensor]] = optimizer.state
     named = ((f"{name}|{key}", v) for name, weight in network.named_parameters() for key, v in state.get(weight, {}).items())
-    return Tensors(weights, {"generator": torch.get_rng_state(), **_gathered(named, keep)})
+    return Tensors(weights, {"generator": torch.get_rng_state(), **_gather(named, keep)})
 
 
-def _gathered(tensors: Iterable[tuple[str, Tensor]], keep: bool) -> dict[str, Tensor]:
+def _gather(tensors: Iterable[tuple[str, Tensor]], keep: bool) -> dict[str, Tensor]:
     """Tensors by name, whole and on the processor; one after the other, so that no card holds them all."""
     out = dict[str, Tensor]()
     for name, value in tensors:

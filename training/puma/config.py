@@ -8,7 +8,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from pipeline.data.names import CAMERAS, MOUNTED
-from pipeline.data.parsing import LARGEST_NUMBER, SHOWN, ParseError, bounded, parse_yaml, read_yaml, shown
+from pipeline.data.parsing import LARGEST_NUMBER, SHOWN, ParseError, bounded, parse_yaml, read_yaml, show_value
 from training.puma.errors import TrainError
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -30,11 +30,11 @@ class _Part(BaseModel):
         if kind is not bool and any(isinstance(part, bool) for part in parts):
             raise ValueError("is true or false where a number or a name is expected")
         if kind is int and type(value) is not int:
-            raise ValueError(f"is not a whole number (got {shown(value)})")
+            raise ValueError(f"is not a whole number (got {show_value(value)})")
         if any(isinstance(part, int | float) and abs(part) > LARGEST_NUMBER for part in parts):
-            raise ValueError(f"is larger than {LARGEST_NUMBER:.0e} (got {shown(value)})")
+            raise ValueError(f"is larger than {LARGEST_NUMBER:.0e} (got {show_value(value)})")
         if any(isinstance(part, str) and part and not part.isprintable() for part in parts):
-            raise ValueError(f"holds a line break or a control character (got {shown(value)})")
+            raise ValueError(f"holds a line break or a control character (got {show_value(value)})")
         return value
 
 
@@ -279,7 +279,7 @@ def read_config(name: str, settings: Sequence[str] = ()) -> Config:
 
     A file may name another one under `extends`; its own keys come on top. Raises TrainError, one line.
     """
-    values = _merged(_path(name))
+    values = _merge(_path(name))
     for setting in settings:
         key, sign, text = setting.partition("=")
         if not sign:
@@ -287,7 +287,7 @@ def read_config(name: str, settings: Sequence[str] = ()) -> Config:
         try:
             _put(values, key.split("."), parse_yaml(text))
         except ParseError as error:
-            raise TrainError(f"--set {shown(setting)}: {' '.join(str(error).split())}") from error
+            raise TrainError(f"--set {show_value(setting)}: {' '.join(str(error).split())}") from error
     return parse_config(values, name)
 
 
@@ -316,7 +316,7 @@ def _path(name: str) -> Path:
     return CONFIGS / f"{name}.yaml"
 
 
-def _merged(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
+def _merge(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     path = path.resolve()
     if path in above:
         raise TrainError(f"{path}: extends itself")
@@ -330,8 +330,8 @@ def _merged(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     if base is None:
         return values
     if not isinstance(base, str):
-        raise TrainError(f"{path}: extends is not the name of a file beside it (got {shown(base)})")
-    return _over(_merged(path.parent / f"{base}.yaml", (*above, path)), values)
+        raise TrainError(f"{path}: extends is not the name of a file beside it (got {show_value(base)})")
+    return _over(_merge(path.parent / f"{base}.yaml", (*above, path)), values)
 
 
 def _over(base: dict[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:

@@ -129,10 +129,10 @@ def shift_images(arrays: Arrays, most: int, seed: Sequence[int]) -> None:
     names = [name for name in arrays if name.startswith("image_")]
     moves = rng.integers(-most, most + 1, (len(arrays[names[0]]), 2))
     for name in names:
-        arrays[name] = np.stack([_moved(image, *move) for image, move in zip(arrays[name], moves, strict=True)])
+        arrays[name] = np.stack([_shift_image(image, *move) for image, move in zip(arrays[name], moves, strict=True)])
 
 
-def _moved(image: NDArray[np.uint8], down: int, right: int) -> NDArray[np.uint8]:
+def _shift_image(image: NDArray[np.uint8], down: int, right: int) -> NDArray[np.uint8]:
     rows = np.clip(np.arange(image.shape[0]) - down, 0, image.shape[0] - 1)
     columns = np.clip(np.arange(image.shape[1]) - right, 0, image.shape[1] - 1)
     return image[rows][:, columns]

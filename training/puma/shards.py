@@ -17,7 +17,7 @@ from pipeline.annotate.store import CorruptAnnotation, annotation_path, entry_he
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.data.select import parse_where, selected
+from pipeline.data.select import parse_where, select_specs
 from pipeline.data.spec import EpisodeSpec
 from training.puma.config import Config, Source
 from training.puma.errors import TrainError
@@ -81,7 +81,7 @@ class Shards:
         self.fps, self.names = int(told["fps"]), {k: tuple(v) for k, v in told["names"].items()}
         rows = table.to_pylist()
         self._check_export(rows)
-        self.rows = self._chosen(rows)
+        self.rows = self._choose_rows(rows)
         self.columns = self._columns(told["cameras"])
 
     def _export(self) -> str:
@@ -97,10 +97,10 @@ class Shards:
                 f"{self.root}: is stale: it has {len(exported)} episodes, the dataset {len(accepted)}; run: {self._export()}"
             )
 
-    def _chosen(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
+    def _choose_rows(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
         names = ("task", "embodiment", "level", "alpha", "domain", "slot", "seed")
         specs = [EpisodeSpec(**{name: row[name] for name in names}) for row in rows]
-        wanted = selected(specs, parse_where(self.where))
+        wanted = select_specs(specs, parse_where(self.where))
         chosen = [
             Row(
                 row["episode_index"],

@@ -43,7 +43,7 @@ def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = T
         _train(finder, sight, corpus, quiet)
     parts = [*corpus.train, *corpus.validation]
     caches = {id(part.cache): part.cache for part in parts}
-    followed = {key: _followed(cache, finder, corpus) for key, cache in caches.items()}
+    followed = {key: _add_track(cache, finder, corpus) for key, cache in caches.items()}
     train, validation = (
         [replace(part, cache=followed[id(part.cache)]) for part in some] for some in (corpus.train, corpus.validation)
     )
@@ -146,7 +146,7 @@ class _View:
         return self.images[self.number]
 
 
-def _followed(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
+def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
     """The cache with `track` and `tools`."""
     sight, arrays = corpus.preprocessing.sight, cache.arrays
     assert sight is not None

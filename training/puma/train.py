@@ -264,10 +264,10 @@ def parts_of(batch: Batch, parts: int) -> list[Batch]:
         return [batch]
     size = len(batch.inputs) // parts
     cut = [slice(i * size, (i + 1) * size) for i in range(parts)]
-    return [Batch(_sliced(batch.inputs, rows), _sliced(batch.targets, rows), batch.sampler) for rows in cut]
+    return [Batch(_slice(batch.inputs, rows), _slice(batch.targets, rows), batch.sampler) for rows in cut]
 
 
-def _sliced[T](values: T, rows: slice) -> T:
+def _slice[T](values: T, rows: slice) -> T:
     return type(values)(**{name: None if v is None else v[rows] for name, v in vars(values).items()})
 
 

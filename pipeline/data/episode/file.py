@@ -90,7 +90,7 @@ class EpisodeFile:
         return self._values(key, self._get(key))
 
     def _values(self, key: str, found: object) -> NDArray[Any]:
-        dataset = self._checked(key, found)
+        dataset = self._check(key, found)
         if dataset.get_space().get_simple_extent_type() == h5s.NULL:
             raise EpisodeError(f"{self.path}: {key} cannot be read (it has no values)")
         try:
@@ -101,9 +101,9 @@ class EpisodeFile:
         return values
 
     def _dataset(self, key: str) -> h5py.Dataset:
-        return h5py.Dataset(self._checked(key, self._get(key)))
+        return h5py.Dataset(self._check(key, self._get(key)))
 
-    def _checked(self, key: str, found: Any) -> Any:
+    def _check(self, key: str, found: Any) -> Any:
         if not isinstance(found, h5d.DatasetID):
             raise EpisodeError(f"{self.path}: has no {key}")
         size = found.get_space().get_simple_extent_npoints() * found.get_type().get_size()

@@ -169,9 +169,9 @@ class Files:
 
     def entry(self, slot: Slot) -> os.DirEntry[str] | None:
         """The directory entry of a slot's episode, None if it is missing. A dangling link is returned. Raises OSError."""
-        return self._listed(slot.cell).get(f"{episode_name(slot.index, slot.variant)}.hdf5")
+        return self._scan(slot.cell).get(f"{episode_name(slot.index, slot.variant)}.hdf5")
 
-    def _listed(self, cell: Cell) -> dict[str, os.DirEntry[str]]:
+    def _scan(self, cell: Cell) -> dict[str, os.DirEntry[str]]:
         if cell not in self._cells:
             try:
                 with os.scandir(os.path.join(self._root, cell.path)) as found:
@@ -182,14 +182,14 @@ class Files:
 
     def listed(self, entries: Entries) -> NDArray[np.bool_]:
         """Of which rows (N,) of some entries the episode is there; a link to nothing is there. Raises OSError."""
-        found = [self._listed(cell) for cell in entries.cells]
+        found = [self._scan(cell) for cell in entries.cells]
         return np.array([name in found[rank] for rank, name in zip(entries.ranks.tolist(), _names(entries), strict=True)], bool)
 
     def there_of(self, entries: Entries, listed: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Of which rows (N,) of some entries that are `listed` the episode is there; a link to nothing is not. Raises OSError."""
         gone = set[tuple[int, str]]()
         for rank, cell in enumerate(entries.cells):
-            links = [each for each in self._listed(cell).values() if each.is_symlink()]
+            links = [each for each in self._scan(cell).values() if each.is_symlink()]
             gone |= {(rank, each.name) for each in links if not os.path.exists(each.path)}
         if not gone:
             return listed
@@ -198,7 +198,7 @@ class Files:
 
     def stamps(self, entries: Entries) -> list[str]:
         """The stamp of every row's episode, "" if the file is missing. Raises OSError."""
-        found = [self._listed(cell) for cell in entries.cells]
+        found = [self._scan(cell) for cell in entries.cells]
         files = (found[rank].get(name) for rank, name in zip(entries.ranks.tolist(), _names(entries), strict=True))
         return ["" if file is None else _stamp(file) for file in files]
 

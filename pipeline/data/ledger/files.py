@@ -82,7 +82,7 @@ class Ledger:
 
     def journal(self) -> Journal:
         """What the journal holds now, the latest entry of every slot. Raises OSError for a segment that cannot be read."""
-        found = Journal(segments=_numbered(self.segments))
+        found = Journal(segments=_sort_segments(self.segments))
         for path in list(found.segments):
             try:
                 lines = read_regular(path).splitlines()
@@ -138,7 +138,7 @@ class Ledger:
 
     def next_segment(self) -> int:
         """The number of the next segment of the journal."""
-        there = _numbered(self.segments)
+        there = _sort_segments(self.segments)
         return int(there[-1].stem) + 1 if there else 0
 
     def add(self, entries: Iterable[tuple[Slot, SlotRecord]], number: int | None = None) -> None:
@@ -228,6 +228,6 @@ def _entry(line: bytes) -> tuple[Slot, SlotRecord]:
     return slot_of(values["place"]), SlotRecord.from_values(values["record"])
 
 
-def _numbered(directory: Path) -> list[Path]:
+def _sort_segments(directory: Path) -> list[Path]:
     """Segments in the order in which they were written."""
     return sorted(p for p in directory.glob("*.jsonl") if p.stem.isdecimal())

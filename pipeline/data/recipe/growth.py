@@ -17,13 +17,13 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
     out = {**dict.fromkeys((*CHOOSING, *given), True), "corrections": {"policy"}}  # a policy is told by its label
     values, others = (recipe.model_dump(mode="json", exclude=out) for recipe in (held, wanted))
     return [
-        f"{key} is {_said(held, values, key)} there, not {_said(wanted, others, key)}"
+        f"{key} is {_show_key(held, values, key)} there, not {_show_key(wanted, others, key)}"
         for key in values
         if values[key] != others[key]
     ]
 
 
-def _said(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
+def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
     """The value of a key as a message shows it."""
     if key == "contact" and recipe.contact is None:
         return f"what the rules say ({recipe.ruling().after_touch('tracking')})"

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.keys import digest
 from pipeline.data.names import NONE
-from pipeline.data.parsing import line, shown
+from pipeline.data.parsing import line, show_value
 from pipeline.data.recipe.cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
 from pipeline.data.recipe.values import LONGEST_NAME, listed
 from pipeline.data.rules import Corrections, Expert, Perturbation, Sight, Takeover
@@ -136,7 +136,7 @@ class Recipe(Setup):
     def _by_domain(cls, value: Any) -> Any:
         """One number, or one for each domain."""
         if isinstance(value, Mapping) and (unknown := [key for key in value if key not in ("clean", "randomized")]):
-            raise ValueError(f"names the domain {shown(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
+            raise ValueError(f"names the domain {show_value(unknown[0])}; write a number, or {{clean: 50, randomized: 10}}")
         return value
 
     @field_validator("floor", mode="before")

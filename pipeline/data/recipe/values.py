@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from pipeline.data.names import is_embodiment, is_name
-from pipeline.data.parsing import shown
+from pipeline.data.parsing import show_value
 
 MOST_ITEMS = 1000
 LONGEST_NAME = 200
@@ -23,9 +23,9 @@ def listed(value: Any, key: str) -> tuple[str | int | float, ...]:
         raise ValueError("is not a number")
     for item in items:
         if key == "tasks" and not is_name(item):
-            raise ValueError(f"holds {shown(item)}, which is not a name")
+            raise ValueError(f"holds {show_value(item)}, which is not a name")
         if key == "embodiments" and not is_embodiment(item):
-            raise ValueError(f"holds {shown(item)}, which is neither a name nor a pair of names written left+right")
+            raise ValueError(f"holds {show_value(item)}, which is neither a name nor a pair of names written left+right")
         if isinstance(item, str) and len(item) > LONGEST_NAME:
             raise ValueError(f"holds a name of {len(item)} characters; at most {LONGEST_NAME} are allowed")
     if len(items) > MOST_ITEMS:

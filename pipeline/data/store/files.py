@@ -117,7 +117,7 @@ class Store:
             except FileNotFoundError as error:  # gcsfs; of a place in a bucket that is there nothing is found
                 raise StoreError(f"cannot list {self.url}: {GONE} ({line_of(error)})") from error
             names = {path: path.removeprefix(root).lstrip("/") for path in found if path.startswith(f"{root}/")}
-            return {name: _listed(found[path]) for path, name in names.items() if name and not name.endswith("/")}
+            return {name: _parse_info(found[path]) for path, name in names.items() if name and not name.endswith("/")}
 
         return self._do("list", "", find, LISTING)
 
@@ -129,7 +129,7 @@ class Store:
                 found = self._info(fs, f"{root}/{name}")
             except FileNotFoundError:
                 return None
-            return _listed(found) if found["type"] == "file" else None
+            return _parse_info(found) if found["type"] == "file" else None
 
         return self._do("look for", name, info)
 
@@ -158,7 +158,7 @@ class Store:
 
         def send(fs: Any, root: str) -> Listed:
             fs.put_file(str(path), f"{root}/{name}")
-            return _listed(self._info(fs, f"{root}/{name}"))
+            return _parse_info(self._info(fs, f"{root}/{name}"))
 
         return self._do("write", name, send, SILENCE + path.stat().st_size / SLOWEST)
 
@@ -279,7 +279,7 @@ def _server(fs: Any) -> str:
     return next((each for each in found if isinstance(each, str) and each), "the server")
 
 
-def _listed(info: Mapping[str, Any]) -> Listed:
+def _parse_info(info: Mapping[str, Any]) -> Listed:
     """The listed object that an fsspec info dictionary describes."""
     said = next((info[key] for key in _IDENTITIES if info.get(key) is not None), None)
     if said is None:

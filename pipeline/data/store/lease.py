@@ -47,15 +47,15 @@ def hold_lease(store: Store, seconds: float = SECONDS) -> Iterator[threading.Eve
         ended.set()
         keeper.join()
         with suppress(StoreError):  # it runs out by itself
-            if (held := _held(store)) and held.get("id") == mine["id"]:
+            if (held := _read_lease(store)) and held.get("id") == mine["id"]:
                 store.delete([LEASE])
 
 
 def _take(store: Store, mine: dict[str, Any], seconds: float) -> None:
-    said = _said(mine, seconds)
+    said = _encode_lease(mine, seconds)
     for again in (False, True):
         # asked first, because some servers write over an object whatever the condition
-        held = _held(store)
+        held = _read_lease(store)
         if held is not None and not _over(held):
             if held.get("id") == mine["id"]:
                 return  # the answer to the request was lost
@@ -80,13 +80,13 @@ def _keep(store: Store, lease: _Lease, ended: threading.Event) -> None:
     """Renew the lease until it has ended or is another one's. A store that cannot be reached stops the command elsewhere."""
     while not ended.wait(lease.seconds / 5):
         with suppress(StoreError, OSError):
-            if (held := _held(store)) and held.get("id") != lease.mine["id"]:
+            if (held := _read_lease(store)) and held.get("id") != lease.mine["id"]:
                 lease.lost.set()
                 return
-            store.write(LEASE, _said(lease.mine, lease.seconds))
+            store.write(LEASE, _encode_lease(lease.mine, lease.seconds))
 
 
-def _said(mine: dict[str, Any], seconds: float) -> bytes:
+def _encode_lease(mine: dict[str, Any], seconds: float) -> bytes:
     now = time.time()
     return json.dumps(mine | {"renewed": now, "until": now + seconds}).encode()
 
@@ -109,7 +109,7 @@ def _clock(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
-def _held(store: Store) -> dict[str, Any] | None:
+def _read_lease(store: Store) -> dict[str, Any] | None:
     """The content of the lease; None if there is none or it cannot be read."""
     try:
         values = json.loads(store.read(LEASE) or b"")

@@ -32,7 +32,7 @@ def free_place(url: str) -> Iterator[Path]:
     first.parent.mkdir(parents=True, exist_ok=True)
     for number in count():
         root = first.with_name(f"{first.name}~{number}") if number else first
-        with _locked(root) as mine:
+        with _lock(root) as mine:
             if mine:
                 yield root
                 return
@@ -47,7 +47,7 @@ def forget(url: str, dry_run: bool = False) -> list[Place]:
     # quoted, a URL has none of the signs that a pattern is made of
     others = (path for path in first.parent.glob(f"{first.name}~*") if not path.name.endswith(".lock"))
     for root in filter(Path.is_dir, (first, *sorted(others))):
-        with _locked(root) as mine:
+        with _lock(root) as mine:
             if not mine:
                 raise Busy(f"{url}: another command on this machine is at work on it: wait until that has ended, or stop it")
             found.append(Place(str(root), _size(root)))
@@ -57,7 +57,7 @@ def forget(url: str, dry_run: bool = False) -> list[Place]:
 
 
 @contextmanager
-def _locked(root: Path) -> Iterator[bool]:
+def _lock(root: Path) -> Iterator[bool]:
     """Whether this command alone may use a mirror until the block ends. One that is then empty is removed."""
     path = root.with_name(f"{root.name}.lock")
     with open(path, "ab") as lock:

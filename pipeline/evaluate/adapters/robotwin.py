@@ -43,7 +43,7 @@ class RobotwinPolicy:
             self._turns.end()
         if self._robot is None or self._robot[0] != start.embodiment:
             robot = RobotwinRobot(start.embodiment)
-            self._model = self._made(user_arguments(self._settings, robot.arm_dims))
+            self._model = self._make_model(user_arguments(self._settings, robot.arm_dims))
             self._robot = (start.embodiment, robot)
         reset_model = getattr(self._code, "reset_model", None)
         if callable(reset_model):
@@ -57,7 +57,7 @@ class RobotwinPolicy:
             raise PolicyError(f"{self._settings.path}: asked before reset")
         return self._turns.ask(observation)
 
-    def _made(self, arguments: dict[str, Any]) -> Any:
+    def _make_model(self, arguments: dict[str, Any]) -> Any:
         """The model. Raises PolicyError: what cannot be loaded now cannot be loaded for any other episode."""
         try:
             return self._code.get_model(arguments)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.names import SIDES
-from pipeline.evaluate.actions import ActionError, ToolPoses, checked
+from pipeline.evaluate.actions import ActionError, ToolPoses, check_action
 from pipeline.evaluate.adapters.turns import Turns
 from pipeline.evaluate.policy import Observation, Start
 from pipeline.planning.planner import planner_of
@@ -58,11 +58,11 @@ class RobotwinRobot:
         the measured ones, in their own frames.
         """
         if kind == "qpos":
-            return checked(action, len(command))
+            return check_action(action, len(command))
         if kind not in ("ee", "delta_ee"):
             raise ActionError(f"action_type {kind!r} is unknown: choose qpos, ee or delta_ee")
         now = self._planner.split(measured)
-        values = checked(action, 8 * len(now)).copy()
+        values = check_action(action, 8 * len(now)).copy()
         for i, side in enumerate(now):
             part = slice(8 * i, 8 * i + 7)
             given = pose(values[part][:3], _unit(values[part][3:], side))

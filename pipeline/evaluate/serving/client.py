@@ -79,7 +79,7 @@ class Remote:
         if observation.committed is not None and len(observation.committed):
             message["committed"] = np.asarray(observation.committed, np.float64)
         try:
-            told = self._told(self._socket.ask(message), "actions")
+            told = self._expect(self._socket.ask(message), "actions")
         except DominoError:
             self.close()
             raise
@@ -145,12 +145,12 @@ class Remote:
             "normalization": given.normalization,
             "setup": start.setup.given(),
         }
-        self._told(socket.ask(hello), "welcome")
+        self._expect(socket.ask(hello), "welcome")
 
     def _begin(self, socket: Socket, start: Start) -> None:
-        self._told(socket.ask({"type": "reset", "instruction": start.instruction, "seed": start.seed}), "ready")
+        self._expect(socket.ask({"type": "reset", "instruction": start.instruction, "seed": start.seed}), "ready")
 
-    def _told(self, message: dict[object, object], kind: str) -> dict[object, object]:
+    def _expect(self, message: dict[object, object], kind: str) -> dict[object, object]:
         """The message, if it is of this kind. Raises PolicyError with the server's reason, or for another kind."""
         if message.get("type") == "error":
             reason, fault = line_of_text(message.get("reason")), FAULTS.get(str(message.get("fault")))

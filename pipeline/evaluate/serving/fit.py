@@ -10,7 +10,7 @@ DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAM
 """Cameras of an episode by their exported names."""
 
 
-def padded(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
     """The image (H,W,3) scaled to fit into a square of `size` pixels, in its middle, black around it."""
     height, width = image.shape[:2]
     scale = size / max(height, width)

@@ -73,9 +73,9 @@ class GrootClient:
             request["api_token"] = secret
         socket.setsockopt(zmq.RCVTIMEO, milliseconds)
         try:
-            socket.send(msgpack.packb(request, default=_encoded))
+            socket.send(msgpack.packb(request, default=_encode))
             # an answer may be a list, a message of ours is a map: it becomes one
-            found = unpack(b"\x81\xa1a" + socket.recv(), decode=_decoded)["a"]
+            found = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
         except zmq.Again as error:
             self.close()
             raise NoAnswer(f"{self._url}: no answer to {endpoint} in {milliseconds / 1000:g} s") from error
@@ -142,7 +142,7 @@ def _address(text: str) -> Address:
     return parse_address(text, PORT, ("execute", "label"))
 
 
-def _encoded(value: object) -> dict[str, Any]:
+def _encode(value: object) -> dict[str, Any]:
     if not isinstance(value, np.ndarray):
         raise TypeError(f"a {type(value).__name__} cannot be sent")
     file = io.BytesIO()
@@ -150,7 +150,7 @@ def _encoded(value: object) -> dict[str, Any]:
     return {"__ndarray_class__": True, "as_npy": file.getvalue()}
 
 
-def _decoded(values: dict[Any, Any]) -> Any:
+def _decode(values: dict[Any, Any]) -> Any:
     if "__ndarray_class__" not in values:
         return values
     data = values.get("as_npy")

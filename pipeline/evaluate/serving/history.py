@@ -34,7 +34,7 @@ class History:
     def add(self, time: float, image: Image) -> None:
         """Remember an image (H,W,3) RGB."""
         reach = self._settings.length * self._period
-        self._held.append((time, _scaled(image, self._settings.kept)))
+        self._held.append((time, _resize(image, self._settings.kept)))
         while len(self._held) > 1 and self._held[1][0] <= time - reach + CLOCK_TOLERANCE:
             self._held.popleft()
 
@@ -44,14 +44,14 @@ class History:
         past = [self._at(now - n * self._period) for n in range(settings.length, 0, -1)]
         if settings.flow:
             past = [flow_image(a, b) for a, b in zip(past, [*past[1:], self._held[-1][1]], strict=True)]
-        return [_scaled(image, settings.sent) for image in past]
+        return [_resize(image, settings.sent) for image in past]
 
     def _at(self, time: float) -> Image:
         """The newest image that is no younger than `time`, or the oldest one."""
         return next((image for t, image in reversed(self._held) if t <= time + CLOCK_TOLERANCE), self._held[0][1])
 
 
-def _scaled(image: Image, size: int) -> Image:
+def _resize(image: Image, size: int) -> Image:
     return np.asarray(cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA), np.uint8)
 
 

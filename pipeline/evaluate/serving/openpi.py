@@ -20,9 +20,9 @@ from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.contract import check_contract
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of, told_seed
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of, policy_seed
 from pipeline.evaluate.serving.address import Address, parse_address, token
-from pipeline.evaluate.serving.fit import DATASET_CAMERAS, first_rows, padded
+from pipeline.evaluate.serving.fit import DATASET_CAMERAS, first_rows, pad_to_square
 from pipeline.evaluate.serving.session import Session, array, text
 from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Socket, retry_connect
 from pipeline.evaluate.serving.wire import WireError
@@ -57,7 +57,7 @@ class OpenpiClient:
         if self._socket is None:
             raise PolicyError(f"{self._url}: asked before reset")
         images = {
-            EXPORTED_CAMERAS[name]: np.ascontiguousarray(padded(image, self._size).transpose(2, 0, 1))
+            EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, self._size).transpose(2, 0, 1))
             for name, image in observation.images.items()
         }
         state = np.asarray(observation.joints, np.float32)
@@ -137,7 +137,7 @@ class OpenpiSession:
         if self._start is not None and dict(self._start.image_sizes) != sizes:
             raise WireError("images are of other cameras or sizes than before")
         if self._start is None or self._is_new(prompt, state):
-            seed = told_seed(prompt, self._robot.name)
+            seed = policy_seed(prompt, self._robot.name)
             start = Start(prompt, self._robot.name, self._robot.vector_names, DEFAULT_FPS, tuple(sizes), seed, sizes)
             check_contract(self._policy, start)
             self._policy.reset(start)

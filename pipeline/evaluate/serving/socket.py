@@ -85,7 +85,7 @@ class Socket:
         except ConnectionClosed as error:
             if self._cut_off:
                 raise NoAnswer(f"{self.url}: the server has read nothing for {seconds:g} s") from error
-            raise Lost(f"{self.url}: the server closed the connection: {_closed(error)}") from error
+            raise Lost(f"{self.url}: the server closed the connection: {_describe_closing(error)}") from error
         finally:
             watch.cancel()
 
@@ -100,7 +100,7 @@ class Socket:
         except ConnectionClosed as error:
             if error.sent and not error.rcvd_then_sent and error.sent.code == CloseCode.MESSAGE_TOO_BIG:
                 raise ActionError(f"{self.url}: the answer has more than {LARGEST} bytes") from error
-            raise Lost(f"{self.url}: the server closed the connection: {_closed(error)}") from error
+            raise Lost(f"{self.url}: the server closed the connection: {_describe_closing(error)}") from error
         except TimeoutError as error:
             self.close()
             raise NoAnswer(f"{self.url}: no answer in {seconds:g} s") from error
@@ -124,7 +124,7 @@ class Socket:
         self._stack.close()
 
 
-def _closed(error: ConnectionClosed) -> str:
+def _describe_closing(error: ConnectionClosed) -> str:
     return _line(error.rcvd.reason if error.rcvd else str(error)) or "no reason given"
 
 

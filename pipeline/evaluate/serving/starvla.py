@@ -72,7 +72,7 @@ class StarvlaClient:
         keys = self._keys.split(",") if self._keys else self.metadata.get("action_keys")
         self._order = self._indices("action", keys, start)
         if self._statistics is not None:
-            self._statistics = self._checked(start)
+            self._statistics = self._check_statistics(start)
         if self._sends_state:
             self._state_order = self._indices("state", self.metadata.get("state_keys", keys), start)
 
@@ -90,19 +90,19 @@ class StarvlaClient:
                 raise PolicyError(f"{self._url}: history is made of images: name --cameras")
             self._past.add(observation.time, next(iter(observation.images.values())))
             if not len(self._ready):
-                self._ready = self._inferred(observation)
+                self._ready = self._infer(observation)
                 self._piece = gcd(self._wanted.stride, len(self._ready))
             answer, self._ready = self._ready[: self._piece], self._ready[self._piece :]
             return answer
-        return self._inferred(observation)
+        return self._infer(observation)
 
-    def _inferred(self, observation: Observation) -> NDArray[Any]:
+    def _infer(self, observation: Observation) -> NDArray[Any]:
         if self._socket is None:
             raise PolicyError(f"{self._url}: asked before reset")
         self.inferences += 1
         request = f"domino-{self.inferences}"
         example: dict[str, Any] = {
-            "image": [squashed(image, self._shape) for image in observation.images.values()],
+            "image": [squash(image, self._shape) for image in observation.images.values()],
             "lang": observation.instruction,
         }
         if self._past is not None:
@@ -135,7 +135,7 @@ class StarvlaClient:
             raise ActionError(f"{self._url}: answers with joint targets: leave ?statistics out")
         return data.get(wanted)
 
-    def _checked(self, start: Start) -> Statistics:
+    def _check_statistics(self, start: Start) -> Statistics:
         """The statistics, grippers left as they are unless they are to be scaled. Raises PolicyError for those of another robot."""
         assert self._statistics is not None
         if len(self._statistics.low) != len(self._order):
@@ -166,7 +166,7 @@ class StarvlaClient:
         return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
 
 
-def squashed(image: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8]:
+def squash(image: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8]:
     """The image (H,W,3) at another (height, width), whatever its proportions were."""
     return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 

@@ -14,7 +14,7 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.parsing import shown
+from pipeline.data.parsing import show_value
 
 LARGEST = 32 * 1024 * 1024
 """Bytes of a message; three images of 1024x1024 and their joints need 9.5 MB."""
@@ -37,7 +37,7 @@ class WireError(ValueError):
 def pack(message: Mapping[Any, Any]) -> bytes:
     """A message as bytes. Raises WireError for an array that has another kind of entries than numbers."""
     try:
-        return cast(bytes, msgpack.packb(message, default=_encoded))
+        return cast(bytes, msgpack.packb(message, default=_encode_array))
     except (TypeError, ValueError, OverflowError) as error:
         raise WireError(str(error)) from error
 
@@ -51,7 +51,7 @@ def unpack(data: bytes | str, largest: int = LARGEST, decode: Callable[[dict[Any
         raise WireError(f"the message is text, not bytes: {data[:200]!r}")
     if len(data) > largest:
         raise WireError(f"the message has {len(data)} bytes, more than {largest}")
-    hooks = _Hooks(decode or _decoded)
+    hooks = _Hooks(decode or _decode_array)
     limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}
     try:
         message = msgpack.unpackb(data, list_hook=hooks.of_list, object_pairs_hook=hooks.of_map, strict_map_key=True, **limits)
@@ -70,14 +70,14 @@ def array_of(data: object, dtype: object, shape: object) -> NDArray[Any]:
         raise WireError(f"the data of an array are of type {type(data).__name__}, not bytes")
     kind = _dtype(dtype)
     if not isinstance(shape, list) or len(shape) > MOST_DIMENSIONS or not all(type(n) is int and n >= 0 for n in shape):
-        raise WireError(f"an array has the shape {shown(shape)}")
+        raise WireError(f"an array has the shape {show_value(shape)}")
     wanted = math.prod(shape) * kind.itemsize
     if wanted != len(data):
         raise WireError(f"an array of shape {shape} and dtype {kind.str} has {len(data)} bytes instead of {wanted}")
     return np.frombuffer(data, kind).reshape(shape).copy()
 
 
-def _encoded(value: object) -> dict[bytes, Any]:
+def _encode_array(value: object) -> dict[bytes, Any]:
     if isinstance(value, np.ndarray):
         _dtype(value.dtype.str)
         return {b"__ndarray__": True, b"data": value.tobytes(), b"dtype": value.dtype.str, b"shape": list(value.shape)}
@@ -93,7 +93,7 @@ def _dtype(text: object) -> np.dtype[Any]:
     return np.dtype(text)
 
 
-def _decoded(values: dict[Any, Any]) -> Any:
+def _decode_array(values: dict[Any, Any]) -> Any:
     if b"__ndarray__" in values:
         return array_of(values.get(b"data"), values.get(b"dtype"), values.get(b"shape"))
     if b"__npgeneric__" in values:

@@ -56,7 +56,7 @@ def describe(
             "Cameras and joints": _cameras(seen, summary) + _out_of_view(seen, summary) + _joints(seen),
             "How to load it": _loading(folder, summary),
             "Splits": _splits(seen),
-            "How it was made": _made(dataset, summary),
+            "How it was made": _describe_origin(dataset, summary),
             **(more or {}),
             "Known limits": bullets(limits(summary)),
             "Citation": f"```bibtex\n{citation(seen, summary)}```\n",
@@ -260,7 +260,7 @@ def _splits(seen: Sequence[Seen]) -> str:
     )
 
 
-def _made(dataset: Path, summary: Mapping[str, Any]) -> str:
+def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
     place = Dataset(dataset)
     made = place.made_by()
     rows = [[key, made[key]] for key in ("renderer", "processor", "python", "code_version") if key in made]

@@ -88,11 +88,11 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         "spans": _spans(derived, meta.fps) + _policy(log, meta.fps),
         "skills": skill_rows(log.skills, meta.physics_hz),
         "joints": list(log.vector_names),
-        "state": _rounded(log.state.T),
-        "action": _rounded(log.action.T),
-        "speed": _rounded(np.linalg.norm(log.target_velocity, axis=1)),
-        "path": {"planned": _rounded(planned.T), "target": _rounded(derived.target[:, :3].T)},
-        "hands": {side: _rounded(log.tcp[:, i, :3].T) for i, side in enumerate(log.sides)},
+        "state": _round(log.state.T),
+        "action": _round(log.action.T),
+        "speed": _round(np.linalg.norm(log.target_velocity, axis=1)),
+        "path": {"planned": _round(planned.T), "target": _round(derived.target[:, :3].T)},
+        "hands": {side: _round(log.tcp[:, i, :3].T) for i, side in enumerate(log.sides)},
         "cameras": cameras,
         **_film(tracks | flows, meta.fps),
     }
@@ -198,5 +198,5 @@ def _fitting(images: Sequence[NDArray[np.uint8]] | NDArray[np.uint8], width: int
     return np.stack([np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8) for rgb in images])
 
 
-def _rounded(values: NDArray[np.float64] | Sequence[float]) -> Any:
+def _round(values: NDArray[np.float64] | Sequence[float]) -> Any:
     return np.round(values, 4).tolist()

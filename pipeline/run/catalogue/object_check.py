@@ -70,7 +70,7 @@ def _rng(seed: int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(seed))
 
 
-def _judged(name: str, problems: Iterator[str] | Sequence[str], good: str) -> Finding:
+def _judge(name: str, problems: Iterator[str] | Sequence[str], good: str) -> Finding:
     """The first problem, or what is good."""
     first = next(iter(problems), None)
     return Finding(name, first is None, first or good)
@@ -84,7 +84,7 @@ def _drawing(family: type[Family], drawn: Sequence[Family]) -> Finding:
         if different < INSTANCES:
             yield f"{INSTANCES} seeds draw {different} instances: draw its sizes and colours from `rng`"
 
-    return _judged("drawing", problems(), f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same")
+    return _judge("drawing", problems(), f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same")
 
 
 def _meshes(built: Sequence[tuple[Family, Shape]], most: int) -> Finding:
@@ -101,7 +101,7 @@ def _meshes(built: Sequence[tuple[Family, Shape]], most: int) -> Finding:
                 if material.texture is not None and mesh.uvs is None:
                     yield f"{one}: a mesh with a texture has no uvs"
 
-    return _judged("meshes", problems(), f"at most {most} triangles, finite, with unit normals")
+    return _judge("meshes", problems(), f"at most {most} triangles, finite, with unit normals")
 
 
 def _fit(built: Sequence[tuple[Family, Shape]]) -> Finding:
@@ -117,7 +117,7 @@ def _fit(built: Sequence[tuple[Family, Shape]]) -> Finding:
             if not (0.001 < shape.mass < 12 and 0.2 <= shape.friction <= 1.0):
                 yield f"{one}: mass {shape.mass:.4g} kg, friction {shape.friction:g}: 0.001 to 12 kg and 0.2 to 1 are sensible"
 
-    return _judged("shape", problems(), "stands on z = 0; what is drawn and what is solid agree")
+    return _judge("shape", problems(), "stands on z = 0; what is drawn and what is solid agree")
 
 
 def _frames(built: Sequence[tuple[Family, Shape]]) -> Finding:
@@ -135,7 +135,7 @@ def _frames(built: Sequence[tuple[Family, Shape]]) -> Finding:
                 if abs(np.linalg.norm(p[3:]) - 1) > 1e-9 or np.any((p[:3] < lower - 0.01) | (p[:3] > upper + 0.01)):
                     yield f"{one}: its frame {label} lies more than 1 cm off the object, or its quaternion is not of length 1"
 
-    return _judged("frames", problems(), ", ".join(built[0][0].frames().points))
+    return _judge("frames", problems(), ", ".join(built[0][0].frames().points))
 
 
 def _hollows(built: Sequence[tuple[Family, Shape]]) -> Finding:
@@ -154,7 +154,7 @@ def _hollows(built: Sequence[tuple[Family, Shape]]) -> Finding:
                         f"nothing goes in there; use another --family, or correct the frame"
                     )
 
-    return _judged("hollows", problems(), "hollow where its family is")
+    return _judge("hollows", problems(), "hollow where its family is")
 
 
 def free_before(shape: Shape, at: Pose) -> float:
@@ -182,7 +182,7 @@ def _grasps(built: Sequence[tuple[Family, Shape]]) -> Finding:
 
     kinds = sorted({g.kind for g in built[0][0].frames().grasps})
     count = len(built[0][0].frames().grasps)
-    return _judged(
+    return _judge(
         "grasps", problems(), f"{count}, of kinds {', '.join(kinds)}" if kinds else "none: it can only be pressed or put on"
     )
 
@@ -212,23 +212,23 @@ def _words(drawn: Sequence[Family]) -> Finding:
             if wrong := [p for p in said if p != p.strip() or "{" in p or p.lower().startswith(("a ", "an ", "the "))]:
                 yield f"{one}: {wrong[0]!r} begins with an article, or has a slot or spaces left over"
 
-    return _judged("words", problems(), f"{SEEN} seen and {UNSEEN} unseen descriptions")
+    return _judge("words", problems(), f"{SEEN} seen and {UNSEEN} unseen descriptions")
 
 
 def _rest(name: str, built: Sequence[tuple[Family, Shape]]) -> Finding:
     def problems() -> Iterator[str]:
         for one, _ in built:
-            moved, tilt = _settled(Body(name, name, one, pose((0, 0, TABLE_TOP))))
+            moved, tilt = _settle(Body(name, name, one, pose((0, 0, TABLE_TOP))))
             if moved > 0.005 or tilt > 2.0:
                 yield (
                     f"{one}: put on a table it moves by {1000 * moved:.0f} mm and tilts by {tilt:.0f} degrees in {SECONDS:g} s: "
                     "give it a flat base of collision pieces"
                 )
 
-    return _judged("rest", problems(), "rests where it is put")
+    return _judge("rest", problems(), "rests where it is put")
 
 
-def _settled(body: Body) -> tuple[float, float]:
+def _settle(body: Body) -> tuple[float, float]:
     """How far (m) a body put on a table has moved along it after SECONDS, and how far (degrees) its z axis has tilted."""
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.set_timestep(1 / 240)

@@ -41,10 +41,10 @@ def check_cluster(address: str) -> None:
     except subprocess.TimeoutExpired as error:
         raise EngineError(f"no Ray cluster at {address}: it has not answered for {_JOIN_SECONDS:.0f} s; {fix}") from error
     if done.returncode:
-        raise EngineError(refused(address, done.stderr.strip().rpartition("\n")[2]))
+        raise EngineError(describe_refusal(address, done.stderr.strip().rpartition("\n")[2]))
 
 
-def refused(address: str, why: object) -> str:
+def describe_refusal(address: str, why: object) -> str:
     """The message for a cluster that cannot be joined."""
     return (
         f"no Ray cluster at {address} lets this command in: {' '.join(str(why).split())[:300]}; RAY_AUTH_MODE, RAY_AUTH_TOKEN and "

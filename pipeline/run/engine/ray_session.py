@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.run.engine.guard import guard_directory
 from pipeline.run.engine.pool import SINGLE_THREAD, EngineError, Pool
-from pipeline.run.engine.ray_address import check_cluster, refused
+from pipeline.run.engine.ray_address import check_cluster, describe_refusal
 from pipeline.run.engine.signals import defer_signals
 
 _LOOPBACK = "127.0.0.1"
@@ -39,10 +39,10 @@ def session(pool: Pool) -> Iterator[None]:
 
     with (
         # Ray prints about lost workers to standard output, which belongs to the result of the command
-        _replaced(worker, "print_to_stdstream", lambda *_, **__: None),
+        _replace(worker, "print_to_stdstream", lambda *_, **__: None),
         # and would end the process by itself on SIGTERM
-        _replaced(utils, "set_sigterm_handler", lambda _: None),
-        _joined(pool.address, pool.runtime_env) if pool.address else _local(pool.workers),
+        _replace(utils, "set_sigterm_handler", lambda _: None),
+        _join(pool.address, pool.runtime_env) if pool.address else _local(pool.workers),
     ):
         yield
 
@@ -67,10 +67,10 @@ def _local(workers: int) -> Iterator[None]:
     with ExitStack() as cleared:
         cleared.callback(shutil.rmtree, folder, ignore_errors=True)
         # Ray replaces 127.0.0.1 by the machine's address, except where it believes that clusters are not supported
-        cleared.enter_context(_replaced(ray_constants, "ENABLE_RAY_CLUSTER", False))
+        cleared.enter_context(_replace(ray_constants, "ENABLE_RAY_CLUSTER", False))
         # one machine for one run needs none of them: autoscaler, tail of logs, server of the jobs API; 2 s and 300 MB in all
         for unneeded in ("start_monitor", "start_log_monitor", "start_api_server"):
-            cleared.enter_context(_replaced(Node, unneeded, lambda *_, **__: None))
+            cleared.enter_context(_replace(Node, unneeded, lambda *_, **__: None))
         try:
             with _environment(threads | environment), defer_signals():
                 reload_token()
@@ -98,7 +98,7 @@ def _local(workers: int) -> Iterator[None]:
 
 
 @contextmanager
-def _joined(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
+def _join(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
     import ray
     from ray.exceptions import RayError
     from ray.runtime_env import RuntimeEnv
@@ -116,7 +116,7 @@ def _joined(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
             try:
                 ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env=environment)
             except (ConnectionError, RuntimeError, ValueError, RayError) as error:
-                raise EngineError(refused(address, error)) from error
+                raise EngineError(describe_refusal(address, error)) from error
         yield
     finally:
         with defer_signals():
@@ -145,7 +145,7 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def _replaced(owner: object, name: str, value: object) -> Iterator[None]:
+def _replace(owner: object, name: str, value: object) -> Iterator[None]:
     """An attribute of a module or class replaced within."""
     found = getattr(owner, name)
     setattr(owner, name, value)

@@ -191,12 +191,12 @@ class _Crew[J, R]:
                 result = ray.get(ref)
             except RayTaskError as error:
                 if isinstance(error.cause, TaskCancelledError):  # what Ray makes of a KeyboardInterrupt in the work
-                    yield from self._lost(worker, "worker_died", str(error))
+                    yield from self._report_loss(worker, "worker_died", str(error))
                     continue
                 self._kill(worker)
                 raise (error.cause if isinstance(error.cause, Exception) else error) from error
             except RayError as error:
-                yield from self._lost(worker, "worker_died" if self._there(worker) else "node_lost", str(error))
+                yield from self._report_loss(worker, "worker_died" if self._there(worker) else "node_lost", str(error))
                 continue
             job, worker.job = worker.job, None
             if worker.ready:
@@ -211,7 +211,7 @@ class _Crew[J, R]:
                 yield Done(job, result)
         now = time.monotonic()
         for ref in [ref for ref, worker in self._busy.items() if self._hangs(worker, now)]:
-            yield from self._lost(self._busy.pop(ref), "worker_hung", f"it took more than {_START_SECONDS:.0f} s")
+            yield from self._report_loss(self._busy.pop(ref), "worker_hung", f"it took more than {_START_SECONDS:.0f} s")
 
     def dismiss(self) -> None:
         """Kill all workers and wait until those on this machine are gone."""
@@ -259,7 +259,9 @@ class _Crew[J, R]:
             worker.seen, worker.since = seen, now
         return now - worker.since > seconds
 
-    def _lost(self, worker: _Worker[J], reason: Literal["worker_died", "worker_hung", "node_lost"], why: str) -> Iterator[Died[J]]:
+    def _report_loss(
+        self, worker: _Worker[J], reason: Literal["worker_died", "worker_hung", "node_lost"], why: str
+    ) -> Iterator[Died[J]]:
         self._kill(worker)
         if worker.job is not None:
             yield Died(worker.job, reason)

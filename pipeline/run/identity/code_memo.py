@@ -45,7 +45,7 @@ def recall(root: Path, question: Sequence[str | bool], answer: Callable[[], Any]
     Raises what `answer` raises, and keeps nothing then.
     """
     cache = user_cache("code")
-    if cache is None or _extended():
+    if cache is None or _has_extensions():
         return answer()
     asked = list(question)
     path = cache / sources.fingerprint(root) / f"{digest(asked)}.json"
@@ -59,7 +59,7 @@ def recall(root: Path, question: Sequence[str | bool], answer: Callable[[], Any]
     return found
 
 
-def _extended() -> bool:
+def _has_extensions() -> bool:
     """Whether this process has registered tasks, objects, motions or robots from outside the package: it has answers of its own."""
     for module, name in _REGISTRIES:
         registered = getattr(sys.modules.get(module), name, {})

@@ -133,7 +133,7 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         raise RecipeError(f"assets: {root} holds no object for these tasks; name the directory assets/objects of RoboTwin")
     objects, places, notes = dict[str, list[str]](), dict[str, Path](), dict[str, str]()
     for each in tqdm(wanted, desc="objects of RoboTwin-OD", disable=None, leave=False):
-        place = _made(each, cache / "items")
+        place = _make_object(each, cache / "items")
         if (place / TOML).is_file():
             objects.setdefault(each.key, []).append(each.name)
             places[each.name] = place
@@ -175,7 +175,7 @@ def _instances(root: Path, key: str) -> Iterator[_Wanted]:
             yield _Wanted(key, key.rpartition(".")[2], model, each)
 
 
-def _made(wanted: _Wanted, cache: Path) -> Path:
+def _make_object(wanted: _Wanted, cache: Path) -> Path:
     """The directory of an instance as an object, or one that states why it is none."""
     files, words = wanted.files, described_in(wanted.files)
     read = [files.visual, files.solid, files.data, *([words] if words else [])]

@@ -117,7 +117,7 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
     points = {f"functional_{i}": at for i, at in enumerate(_poses(data.functional_matrix, scale, upright))}
     points |= {f"target_{i}": at for i, at in enumerate(_poses(data.target_pose, scale, upright))}
     frames = {name: tuple(at.round(6).tolist()) for name, at in points.items()}
-    words = settings.words if options.words else _described(each, noun) or settings.words
+    words = settings.words if options.words else _read_phrases(each, noun) or settings.words
     return Draft(
         settings.model_copy(update={"frames": settings.frames | frames, "words": words}),
         drawn_parts([part.moved(upright) for part in looks]),
@@ -132,7 +132,7 @@ def described_in(each: Instance) -> Path | None:
     return file if file.is_file() else None
 
 
-def _described(each: Instance, noun: str) -> Phrases | None:
+def _read_phrases(each: Instance, noun: str) -> Phrases | None:
     """The words of an instance's descriptions without their articles; None without any."""
     file = described_in(each)
     try:

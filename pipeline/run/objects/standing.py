@@ -40,7 +40,7 @@ def stand_up(pieces: Sequence[Collider], family: str, up: str | None, usual: str
         raise ObjectError(f"{name}: does not stand with {up} up: it tips over; try --up {best}")
     choices = [(_likeness(pieces, turn, family) + USUAL * (turn[2] @ AXES[usual] > 0.9), turn) for w in tried for turn in _turns(w)]
     turn = max(choices, key=lambda choice: round(choice[0], 6))[1]
-    return _placed(pieces, turn, family)
+    return _place(pieces, turn, family)
 
 
 def _nearest(ways: Sequence[tuple[Floats, float]], axis: Floats) -> Floats | None:
@@ -90,7 +90,7 @@ def _proportions(box: Floats) -> Floats:
     return logs - logs.mean()
 
 
-def _placed(pieces: Sequence[Collider], turn: Floats, family: str) -> Floats:
+def _place(pieces: Sequence[Collider], turn: Floats, family: str) -> Floats:
     """The turn with the origin at the base, where in its outline the family has it."""
     points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
     lower, upper = points.min(0), points.max(0)

@@ -28,10 +28,10 @@ def _mesh(part: Part, budget: int):
     if len(faces) <= budget:
         return finish(points, faces, part.uv[faces], CREASE)
     thin_points, thin_faces = thinned(points, faces, budget)
-    return finish(thin_points, thin_faces, _carried(part, thin_points[thin_faces]), CREASE)
+    return finish(thin_points, thin_faces, _carry_over(part, thin_points[thin_faces]), CREASE)
 
 
-def _carried(part: Part, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _carry_over(part: Part, corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Texture coordinates (M,3,2) of new triangles (M,3,3): those of the old triangle nearest to each one's middle, continued
     over its plane, so that no triangle reaches over a seam of the texture."""
     old = part.points[part.faces]

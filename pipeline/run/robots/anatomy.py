@@ -163,7 +163,7 @@ def _grip(
     """Fingers, tool frame (position, approach, opening), opening (m) and the travel ordered closed to open."""
     gripper = [link for link in robot.below(hand)[1:] if link in links]
     clouds = {link: found for link in [hand, *gripper] if len(found := cloud(robot, link))}
-    at = [_placed(robot, hand, travel, share) for share in (0.0, 0.5, 1.0)]
+    at = [_place_parts(robot, hand, travel, share) for share in (0.0, 0.5, 1.0)]
     shift = {link: at[2][link][:3] - at[0][link][:3] if link in clouds else np.zeros(3) for link in gripper}
     for link in (n for n in gripper if n in clouds):
         ends = [transform(poses[link], clouds[link]) for poses in (at[0], at[2])]
@@ -213,7 +213,7 @@ def _grip(
             n: (a, a + SWING / widest * (b - a)) if closed_first else (b, b + SWING / widest * (a - b))
             for n, (a, b) in travel.items()
         }
-        ends = [gap(_placed(robot, hand, travel, share))[0] for share in (0.0, 1.0)]
+        ends = [gap(_place_parts(robot, hand, travel, share))[0] for share in (0.0, 1.0)]
     elif ends[0] > ends[1]:
         travel, ends = {name: (b, a) for name, (a, b) in travel.items()}, ends[::-1]
     if ends[1] < 0.01:
@@ -222,14 +222,14 @@ def _grip(
         low, high = 0.0, 1.0
         for _ in range(30):
             middle = (low + high) / 2
-            low, high = (middle, high) if gap(_placed(robot, hand, travel, middle))[0] < 0 else (low, middle)
+            low, high = (middle, high) if gap(_place_parts(robot, hand, travel, middle))[0] < 0 else (low, middle)
         travel = {name: (a + high * (b - a), b) for name, (a, b) in travel.items()}
-    opened, _ = gap(_placed(robot, hand, travel, 1.0))
-    point = gap(_placed(robot, hand, travel, min(1.0, 0.04 / opened)))[1]
+    opened, _ = gap(_place_parts(robot, hand, travel, 1.0))
+    point = gap(_place_parts(robot, hand, travel, min(1.0, 0.04 / opened)))[1]
     return (first, second), (point, approach, opening), float(opened), travel
 
 
-def _placed(robot: UrdfRobot, hand: str, travel: Mapping[str, tuple[float, float]], share: float) -> dict[str, Pose]:
+def _place_parts(robot: UrdfRobot, hand: str, travel: Mapping[str, tuple[float, float]], share: float) -> dict[str, Pose]:
     """Poses in the hand's frame of what hangs on it."""
     at = {name: a + share * (b - a) for name, (a, b) in travel.items()}
     return robot.link_poses(hand, {link: at.get(joint.name, 0.0) for link, joint in robot.parent_joint.items()})

@@ -204,7 +204,7 @@ def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:
 def _scene(robot: Embodiment, at: dict[str, tuple[Sequence[float], float]]) -> Image:
     """The robot from across the table."""
     eye, aim = np.array([1.0, 0.95, 1.65]), np.array([0.0, -0.28, 0.9])
-    return _drawn(robot, at, look(eye, aim - eye, np.cross([0, 0, 1], aim - eye)), {})
+    return _draw(robot, at, look(eye, aim - eye, np.cross([0, 0, 1], aim - eye)), {})
 
 
 def _hand(robot: Embodiment, value: float, body: Sequence[tuple[Mesh, Material]]) -> Image:
@@ -214,10 +214,10 @@ def _hand(robot: Embodiment, value: float, body: Sequence[tuple[Mesh, Material]]
     eye = transform(tool, np.array([-0.05, 0.0, 0.45]))
     camera = look(eye, tool[:3] - eye, transform(tool, np.array([0, -1.0, 0])) - tool[:3])
     home: dict[str, tuple[Sequence[float], float]] = {side: (robot.arms[side].home, value) for side in SIDES}
-    return _drawn(robot, home, camera, {"can": (body, tool)} if value else {})
+    return _draw(robot, home, camera, {"can": (body, tool)} if value else {})
 
 
-def _drawn(
+def _draw(
     robot: Embodiment,
     at: dict[str, tuple[Sequence[float], float]],
     eye: Pose,

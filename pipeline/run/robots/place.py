@@ -181,7 +181,7 @@ def find_site(arm: Arm) -> Site | None:
     q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
     tools = fk_batch(chain, q)
     yaw = np.pi / 2 - _forward(tools)
-    ranked = sorted(PLACES, key=lambda place: -_sampled_reach(tools, place, yaw))
+    ranked = sorted(PLACES, key=lambda place: -_sample_reach(tools, place, yaw))
     best: tuple[float, Site] | None = None
     for place in ranked[:TRIED]:
         robot = stood(arm, place, yaw, (chain.lower + chain.upper) / 2)
@@ -191,7 +191,7 @@ def find_site(arm: Arm) -> Site | None:
         arms = {s: replace(a, home=tuple(np.asarray(homes[s]).tolist())) for s, a in robot.arms.items()}
         robot = replace(robot, arms=arms)
         reach = measure(robot, COARSE) if chain.dof >= 6 else None
-        score = reach.score if reach is not None else _sampled_reach(tools, place, yaw)
+        score = reach.score if reach is not None else _sample_reach(tools, place, yaw)
         if best is None or score > best[0]:
             best = score, Site({s: a.base for s, a in arms.items()}, {s: np.array(a.home) for s, a in arms.items()}, reach)
     return None if best is None else best[1]
@@ -205,7 +205,7 @@ def _forward(tools: Floats) -> float:
     return float(np.round(np.arctan2(y, x) / (np.pi / 2)) * np.pi / 2)
 
 
-def _sampled_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
+def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
     """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down, from a place."""
     at = _in_world(tools, pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)))
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5

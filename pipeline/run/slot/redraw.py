@@ -140,10 +140,10 @@ def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> 
 
 
 @lru_cache(maxsize=KEPT_PARTS)
-def _loaded(bodies: Path, key: str) -> Parts:
+def _load_parts(bodies: Path, key: str) -> Parts:
     return load_parts(AssetStore(bodies), key)
 
 
 def cached_parts(store: AssetStore, key: str) -> Parts:
     """The parts of an asset, kept by this process: most bodies of an episode are the links of a robot that comes again."""
-    return _loaded(store.root, key)
+    return _load_parts(store.root, key)

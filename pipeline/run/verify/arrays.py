@@ -10,7 +10,7 @@ from pipeline.data.cameras import cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.state_log import as_contacts
 from pipeline.data.names import sides_of
-from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
 EXACT = 1e-9
@@ -51,16 +51,20 @@ def check_arrays(name: str, file: EpisodeFile) -> Iterator[Finding]:
             yield Finding("arrays", str(error).replace(str(file.path), name))
             continue
         right = values.shape == shape and values.dtype == np.float64
-        yield seen("arrays", right, f"{name}: {key} is {values.dtype}{list(values.shape)}, not float64{list(shape)}")
+        yield observe("arrays", right, f"{name}: {key} is {values.dtype}{list(values.shape)}, not float64{list(shape)}")
         if right:
             arrays[key] = values
-            yield seen("finite", np.isfinite(values).all(), f"{name}: {key} holds values that are not finite")
+            yield observe("finite", np.isfinite(values).all(), f"{name}: {key} holds values that are not finite")
             # the joints of a seven-jointed arm are seven values, too
             if shape[-1:] == (7,) and not key.startswith(("joint_action/", "joint_state/")):
                 length = np.linalg.norm(values[..., 3:], axis=-1)
-                yield seen("quaternions", (np.abs(length - 1) < UNIT).all(), f"{name}: {key} has a quaternion that is no rotation")
+                yield observe(
+                    "quaternions", (np.abs(length - 1) < UNIT).all(), f"{name}: {key} has a quaternion that is no rotation"
+                )
     for key, wanted in _twice(file, arrays):
-        yield seen("stored twice", np.allclose(arrays[key], wanted, atol=EXACT), f"{name}: {key} is not what the other arrays say")
+        yield observe(
+            "stored twice", np.allclose(arrays[key], wanted, atol=EXACT), f"{name}: {key} is not what the other arrays say"
+        )
     if (expert := arrays.get("expert_action")) is not None:
         yield _intervention(name, file, expert, arrays.get("joint_action/vector"))
     yield from _contacts(name, file)
@@ -71,7 +75,7 @@ def _intervention(name: str, file: EpisodeFile, expert: NDArray[Any], action: ND
     acts = file.array("intervention")
     right = acts.dtype == np.bool_ and acts.shape == expert.shape[:1] and bool(acts[-1])
     right = right and action is not None and np.array_equal(expert[acts], action[acts])
-    return seen("arrays", right, f"{name}: intervention is not what expert_action and joint_action/vector say")
+    return observe("arrays", right, f"{name}: intervention is not what expert_action and joint_action/vector say")
 
 
 def _twice(file: EpisodeFile, arrays: dict[str, NDArray[Any]]) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -107,4 +111,4 @@ def _contacts(name: str, file: EpisodeFile) -> Iterator[Finding]:
     bodies = len(file.names("state", "bodies"))
     inside = (rows["frame"] >= 0) & (rows["frame"] < len(file)) & (rows["a"] >= 0) & (rows["a"] < rows["b"]) & (rows["b"] < bodies)
     finite = np.isfinite(rows["impulse"]) & np.isfinite(rows["point"]).all(-1)
-    yield seen("contacts", (inside & finite).all(), f"{name}: state/contacts names a frame or a body that there is not")
+    yield observe("contacts", (inside & finite).all(), f"{name}: state/contacts names a frame or a body that there is not")

@@ -14,7 +14,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.identity.slot_keys import redrawn_keys
 from pipeline.run.slot.make import stored_images
 from pipeline.run.slot.redraw import cached_parts
-from pipeline.run.verify.tally import Finding, seen
+from pipeline.run.verify.tally import Finding, observe
 from pipeline.stages.render import capture, stored_appearance
 
 
@@ -47,7 +47,7 @@ def check_drawn(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord
     name = path.relative_to(dataset.root).as_posix()
     with EpisodeFile(path) as file:
         episode, stored = file.read(), stored_images(file)
-    frames = sampled(record.keys.render, len(episode.log), count)
+    frames = sample_frames(record.keys.render, len(episode.log), count)
     appearance = stored_appearance(episode, AssetStore(dataset.bodies), cached_parts)
     made = capture(appearance, episode.log, recipe, frames)
     for view, old, coded in zip(made.views, stored.views, stored.coded, strict=True):
@@ -55,13 +55,13 @@ def check_drawn(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord
             pairs = ((view.depth, old.depth), (view.segmentation, old.segmentation))
             same = coded[frame] == image
             same &= all(b is not None and np.array_equal(a[k], b[frame]) for a, b in pairs if a is not None)
-            yield seen("images", same, f"{name}: {view.camera.name} image {frame} is not what its state log shows")
+            yield observe("images", same, f"{name}: {view.camera.name} image {frame} is not what its state log shows")
     if made.pointcloud is not None:
         same = stored.pointcloud is not None and np.array_equal(made.pointcloud, stored.pointcloud[frames])
-        yield seen("images", same, f"{name}: pointcloud is not what its state log shows")
+        yield observe("images", same, f"{name}: pointcloud is not what its state log shows")
 
 
-def sampled(key: Key, frames: int, count: int) -> list[int]:
+def sample_frames(key: Key, frames: int, count: int) -> list[int]:
     """Which frames of an episode are rendered again: `count` of them in order, or all where it has no more."""
     chosen = np.random.default_rng(int(key.digest, 16)).permutation(frames)[:count]
     return sorted(chosen.tolist())

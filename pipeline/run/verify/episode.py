@@ -18,7 +18,7 @@ from pipeline.run.verify.arrays import check_arrays
 from pipeline.run.verify.drawn import check_drawn, other_code
 from pipeline.run.verify.images import check_images
 from pipeline.run.verify.physics import CHECKS, Physics
-from pipeline.run.verify.tally import FAULTS, Finding, counted, line, seen
+from pipeline.run.verify.tally import FAULTS, Finding, count_checks, line, observe
 from pipeline.stages.failure import Failure
 
 AGAIN = "run the build again"
@@ -42,7 +42,7 @@ class Judged:
 
     def brief(self) -> "Judged":
         """The same with its observations counted: a dataset has a hundred for every slot, which fill the memory."""
-        looked, problems = counted(self.findings)
+        looked, problems = count_checks(self.findings)
         assets = {sys.intern(body): sys.intern(key) for body, key in self.assets.items()}
         return replace(self, findings=problems, looked=looked, assets=assets)
 
@@ -58,7 +58,7 @@ def judge_episode(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotReco
         same = file_hash(path) == record.sha256
     except OSError as error:
         return Judged(slot, [*findings, Finding("readable", f"{name}: cannot be read ({error.strerror}); {AGAIN}")])
-    findings.append(seen("hashes", same, f"{name}: bytes differ from the ledger's sha256; {AGAIN}"))
+    findings.append(observe("hashes", same, f"{name}: bytes differ from the ledger's sha256; {AGAIN}"))
     try:
         with EpisodeFile(path) as file:
             found = _judge_file(name, file, recipe, slot, record, dataset.bodies)
@@ -112,7 +112,7 @@ def check_content(name: str, file: EpisodeFile) -> Iterator[Finding]:
     """Every dataset is the one that was written, by the hashes in the file."""
     damaged = file.damaged()
     said = f"{', '.join(damaged[:3])}{' and others' if len(damaged) > 3 else ''}"
-    yield seen("content", not damaged, f"{name}: {said}: not what was written; {AGAIN}")
+    yield observe("content", not damaged, f"{name}: {said}: not what was written; {AGAIN}")
 
 
 def check_spec(name: str, file: EpisodeFile, recipe: Recipe, slot: Slot, record: SlotRecord) -> Iterator[Finding]:
@@ -120,25 +120,27 @@ def check_spec(name: str, file: EpisodeFile, recipe: Recipe, slot: Slot, record:
     spec, cell, meta = file.spec, slot.cell, file.meta
     got = (spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain, spec.slot)
     wanted = (cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index)
-    yield seen("spec", got == wanted, f"{name}: is the episode {_words(got)}, not {_words(wanted)}")
+    yield observe("spec", got == wanted, f"{name}: is the episode {_words(got)}, not {_words(wanted)}")
     seeds = [recipe.spec(slot.physical, number).seed for number in range(recipe.attempts)]
     tried = [row["seed"] for row in record.attempts if row["outcome"] == "accepted"] or seeds
     right = spec.seed in seeds and spec.seed in tried
-    yield seen("spec", right, f"{name}: its seed {spec.seed} is not that of its accepted attempt")
-    yield seen("variant", meta.variant == slot.variant, f"{name}: claims to be variant {meta.variant}")
-    yield seen("recipe", meta.fps == recipe.fps, f"{name}: has {meta.fps} frames per second, the recipe {recipe.fps}")
+    yield observe("spec", right, f"{name}: its seed {spec.seed} is not that of its accepted attempt")
+    yield observe("variant", meta.variant == slot.variant, f"{name}: claims to be variant {meta.variant}")
+    yield observe("recipe", meta.fps == recipe.fps, f"{name}: has {meta.fps} frames per second, the recipe {recipe.fps}")
     ruling = recipe.ruling()
     got, wanted = (meta.rules, meta.contact, meta.layout), (ruling.name, ruling.after_touch(meta.category), ruling.layout)
-    yield seen("recipe", got == wanted, f"{name}: was judged by the rules {', '.join(got)}, the recipe has {', '.join(wanted)}")
+    yield observe("recipe", got == wanted, f"{name}: was judged by the rules {', '.join(got)}, the recipe has {', '.join(wanted)}")
     cameras = {camera_name(c) for c in recipe.cameras_on(sides_of(file.names("joint_state", "names")))}
-    yield seen("recipe", set(file.cameras) == cameras, f"{name}: has cameras {', '.join(file.cameras)}, not {', '.join(cameras)}")
+    yield observe(
+        "recipe", set(file.cameras) == cameras, f"{name}: has cameras {', '.join(file.cameras)}, not {', '.join(cameras)}"
+    )
     for camera in cameras & set(file.cameras):
         for key, given in (("depth", recipe.depth), ("actor_segmentation", recipe.segmentation)):
             has = file.has(f"observation/{camera}/{key}")
-            yield seen("recipe", has == given, f"{name}: {camera} has {'a' if has else 'no'} {key}, unlike the recipe")
+            yield observe("recipe", has == given, f"{name}: {camera} has {'a' if has else 'no'} {key}, unlike the recipe")
     keys = (meta.physics_key, meta.render_key) == (record.keys.physics.digest, record.keys.render.digest)
     keys &= not meta.keys or meta.keys == record.keys.to_json()
-    yield seen("keys", keys, f"{name}: its keys are not those of its ledger entry")
+    yield observe("keys", keys, f"{name}: its keys are not those of its ledger entry")
 
 
 def _words(values: tuple[object, ...]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.jpeg import decode_frame, frame_size
-from pipeline.run.verify.tally import Finding, seen
+from pipeline.run.verify.tally import Finding, observe
 
 FLAT = 1.0
 """Standard deviation (0-255) below which an image is one flat color."""
@@ -18,19 +18,19 @@ def check_images(name: str, file: EpisodeFile) -> Iterator[Finding]:
     for camera, info in file.meta.drawing.cameras.items():
         group, size = f"observation/{camera}", (info.width, info.height)
         coded = file.array(f"{group}/rgb")
-        yield seen("frames", len(coded) == frames, f"{name}: {camera} has {len(coded)} images for {frames} timestamps")
-        yield seen("jpeg", *_frames(name, camera, [bytes(data) for data in coded], size))
+        yield observe("frames", len(coded) == frames, f"{name}: {camera} has {len(coded)} images for {frames} timestamps")
+        yield observe("jpeg", *_frames(name, camera, [bytes(data) for data in coded], size))
         for key, kind in (("depth", np.uint16), ("actor_segmentation", np.uint8)):
             if file.has(f"{group}/{key}"):
                 values = file.array(f"{group}/{key}")
                 right = values.shape == (frames, *reversed(size)) and values.dtype == kind
-                yield seen("frames", right, f"{name}: {group}/{key} is {values.dtype}{list(values.shape)}")
+                yield observe("frames", right, f"{name}: {group}/{key} is {values.dtype}{list(values.shape)}")
     if set(file.cameras) != set(file.meta.drawing.cameras):
         yield Finding("frames", f"{name}: has cameras {', '.join(file.cameras)}, and names {', '.join(file.meta.drawing.cameras)}")
     if file.has("pointcloud"):
         cloud = file.array("pointcloud")
         right = cloud.ndim == 3 and len(cloud) == frames and cloud.shape[2] == 6 and bool(np.isfinite(cloud).all())
-        yield seen("frames", right, f"{name}: pointcloud is {cloud.dtype}{list(cloud.shape)}, or not finite")
+        yield observe("frames", right, f"{name}: pointcloud is {cloud.dtype}{list(cloud.shape)}, or not finite")
 
 
 def _frames(name: str, camera: str, coded: list[bytes], size: tuple[int, int]) -> tuple[bool, str]:

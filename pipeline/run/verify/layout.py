@@ -20,7 +20,7 @@ from pipeline.data.parsing import parse_json
 from pipeline.data.reading import check_regular, read_regular
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.sealed import is_unchanged
-from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 AGAIN = "run the build again"
 PASSING = (".tmp", ".running")
@@ -52,7 +52,7 @@ def check_ledger(dataset: Dataset, recipe: Recipe, damaged: Mapping[Group, str])
             continue
         rows = ledger.read_rows(group, PLACE)
         twice = len(rows) - len(distinct(rows))
-        yield seen("ledger", not twice, f"{name}: names {twice} slots twice; {AGAIN}")
+        yield observe("ledger", not twice, f"{name}: names {twice} slots twice; {AGAIN}")
     for problem in ledger.journal().problems:
         yield Finding("ledger", f"ledger/{problem}; {AGAIN}")
 
@@ -82,10 +82,10 @@ def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot, ledger: Lookup) ->
     right = rows == wanted and bool(rows or slot.variant)
     remove = episode if record.accepted else dataset.ledger.file((cell.task, cell.embodiment)).relative_to(dataset.root)
     said = f"{name}: its attempts are not those of the recipe; undo any edit of manifest.yaml, else remove {remove} and {AGAIN}"
-    findings = [seen("ledger", right, said)]
+    findings = [observe("ledger", right, said)]
     if not record.accepted:
         stray = dataset.episode(slot).exists()
-        findings.append(seen("ledger", not stray, f"{name}: gave the slot up, and there is an episode; remove {episode}"))
+        findings.append(observe("ledger", not stray, f"{name}: gave the slot up, and there is an episode; remove {episode}"))
     return record, findings
 
 
@@ -119,14 +119,14 @@ def check_failures(dataset: Dataset, recipe: Recipe) -> Iterator[Finding]:
             continue
         said = None if why is None else (spec.seed, why.attempt, why.stage, why.reason, list(why.conditions))
         wanted = (row["seed"], row["attempt"], row["stage"], row["reason"], row["conditions"])
-        yield seen("failures", said == wanted, f"{name}: names the failure {said}, the ledger {wanted}")
+        yield observe("failures", said == wanted, f"{name}: names the failure {said}, the ledger {wanted}")
 
 
 def check_attempts(dataset: Dataset, recipe: Recipe, finished: bool) -> Iterator[Finding]:
     """attempts.parquet has the rows of the ledger; of a build that was killed, it may lack some."""
     name = dataset.attempts.name
     if not dataset.attempts.exists():
-        yield seen("attempts", not finished, f"{name}: is missing; {AGAIN}")
+        yield observe("attempts", not finished, f"{name}: is missing; {AGAIN}")
         return
     wanted = dataset.entries(recipe, ("attempts",)).attempts()
     try:
@@ -137,7 +137,7 @@ def check_attempts(dataset: Dataset, recipe: Recipe, finished: bool) -> Iterator
         yield Finding("attempts", f"{name}: cannot be read ({line(error)}); {AGAIN}")
         return
     right = rows.equals(wanted) or (not finished and _texts(rows) <= _texts(wanted))
-    yield seen("attempts", right, f"{name}: has {len(rows)} rows that are not the {len(wanted)} of the ledger; {AGAIN}")
+    yield observe("attempts", right, f"{name}: has {len(rows)} rows that are not the {len(wanted)} of the ledger; {AGAIN}")
 
 
 def _texts(table: pa.Table) -> set[str]:
@@ -148,7 +148,7 @@ def check_provenance(dataset: Dataset, finished: bool) -> Iterator[Finding]:
     """Check that provenance.json names the code and packages that made the dataset."""
     path: Path = dataset.provenance
     if not path.exists():
-        yield seen("provenance", not finished, f"{path.name}: is missing; {AGAIN}")
+        yield observe("provenance", not finished, f"{path.name}: is missing; {AGAIN}")
         return
     try:
         values = parse_json(read_regular(path))
@@ -156,5 +156,5 @@ def check_provenance(dataset: Dataset, finished: bool) -> Iterator[Finding]:
     except FAULTS as error:
         yield Finding("provenance", f"{path.name}: cannot be read ({line(error)}); {AGAIN}")
         return
-    yield seen("provenance", complete, f"{path.name}: does not name what made the dataset; {AGAIN}")
-    yield seen("provenance", is_unchanged(values), f"{path.name}: is not what was written; {AGAIN}")
+    yield observe("provenance", complete, f"{path.name}: does not name what made the dataset; {AGAIN}")
+    yield observe("provenance", is_unchanged(values), f"{path.name}: is not what was written; {AGAIN}")

@@ -19,7 +19,7 @@ from pipeline.motion.recorded.group import conditions_of, physics_arrays
 from pipeline.motion.recorded.interception import Interception
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import slot_keys
-from pipeline.run.verify.tally import Finding, seen
+from pipeline.run.verify.tally import Finding, observe
 from pipeline.stages.scene import Scene, build_scene
 
 TARGET_TOLERANCE = 1e-3
@@ -90,21 +90,23 @@ class Physics:
 def check_clock(p: Physics) -> Iterator[Finding]:
     """Frames are k / fps, events fall between them and are those of an accepted episode."""
     log, fps = p.episode.log, p.episode.meta.fps
-    yield seen("timestamps", np.allclose(log.times, np.arange(len(log)) / fps, atol=1e-9), f"{p.name}: timestamps are not k / fps")
+    yield observe(
+        "timestamps", np.allclose(log.times, np.arange(len(log)) / fps, atol=1e-9), f"{p.name}: timestamps are not k / fps"
+    )
     outside = [e.name for e in log.events if not 0 <= e.time <= log.times[-1] + 1 / fps]
-    yield seen("events", not outside, f"{p.name}: {', '.join(outside)} is not within the episode")
+    yield observe("events", not outside, f"{p.name}: {', '.join(outside)} is not within the episode")
     for wanted in ("meeting", "success"):
-        yield seen("events", log.event(wanted), f"{p.name}: has no {wanted} event")
+        yield observe("events", log.event(wanted), f"{p.name}: has no {wanted} event")
 
 
 def check_identity(p: Physics) -> Iterator[Finding]:
     """Its physics_id is that of spec and log; its instructions are sentences."""
     e = p.episode
     same = e.meta.physics_id == physics_id(e.spec, e.log)
-    yield seen("physics id", same, f"{p.name}: its physics_id is not that of its spec and state log")
+    yield observe("physics id", same, f"{p.name}: its physics_id is not that of its spec and state log")
     for split, sentences in e.instructions.items():
         right = bool(sentences) and all(s.strip() and s.isprintable() for s in sentences)
-        yield seen("instructions", right, f"{p.name}: instruction/{split} is empty or holds what is no sentence")
+        yield observe("instructions", right, f"{p.name}: instruction/{split} is empty or holds what is no sentence")
 
 
 def check_motion(p: Physics) -> Iterator[Finding]:
@@ -113,17 +115,17 @@ def check_motion(p: Physics) -> Iterator[Finding]:
     freed = log.time_of("meeting" if e.meta.contact == "hold" else "release")
     kinematic = log.times < (np.inf if freed is None else freed)
     gap = np.linalg.norm(log.pose(e.meta.target)[kinematic, :3] - motion.pose(log.times[kinematic])[:, :3], axis=1).max()
-    yield seen("target path", gap < TARGET_TOLERANCE, f"{p.name}: target {1000 * gap:.2f} mm off its motion")
+    yield observe("target path", gap < TARGET_TOLERANCE, f"{p.name}: target {1000 * gap:.2f} mm off its motion")
     if not e.spec.moving:
-        yield seen("speed", motion.features().maximum_speed == 0.0, f"{p.name}: the target of a static episode moves")
+        yield observe("speed", motion.features().maximum_speed == 0.0, f"{p.name}: the target of a static episode moves")
         return
     same = (motion.level, motion.alpha) == (e.spec.level, e.spec.alpha)
-    yield seen("motion", same, f"{p.name}: its motion is of level {motion.level} at alpha {motion.alpha:g}, not of its spec")
+    yield observe("motion", same, f"{p.name}: its motion is of level {motion.level} at alpha {motion.alpha:g}, not of its spec")
     for verdict in MODELS[motion.model].judge(motion, p.recipe.speed_bound):
-        yield seen(verdict.name, verdict.holds, f"{p.name}: {verdict.problem}")
+        yield observe(verdict.name, verdict.holds, f"{p.name}: {verdict.problem}")
     stated, found = (e.meta.average_speed, e.meta.maximum_speed), motion.features()
     right = np.allclose(stated, (found.average_speed, found.maximum_speed), atol=1e-6)
-    yield seen("speed", right, f"{p.name}: states speeds of {stated} m/s")
+    yield observe("speed", right, f"{p.name}: states speeds of {stated} m/s")
 
 
 def check_success(p: Physics) -> Iterator[Finding]:
@@ -132,8 +134,10 @@ def check_success(p: Physics) -> Iterator[Finding]:
         yield Finding("success", f"{p.name}: cannot be re-evaluated with this version: {p.missing}")
         return
     miss = float(np.linalg.norm(p.motion.pose(p.episode.meta.meeting_time)[:3] - p.end))
-    yield seen("meeting place", miss < MEETING_TOLERANCE, f"{p.name}: motion is {1000 * miss:.3f} mm from its end at T_meet")
-    yield seen("success", p.scene.succeeded(p.episode.log), f"{p.name}: success does not hold when re-evaluated from its state log")
+    yield observe("meeting place", miss < MEETING_TOLERANCE, f"{p.name}: motion is {1000 * miss:.3f} mm from its end at T_meet")
+    yield observe(
+        "success", p.scene.succeeded(p.episode.log), f"{p.name}: success does not hold when re-evaluated from its state log"
+    )
 
 
 def check_interception(p: Physics) -> Iterator[Finding]:
@@ -143,16 +147,16 @@ def check_interception(p: Physics) -> Iterator[Finding]:
     conditions = conditions_of(e.interception)
     for key, wanted in physics_arrays(derived, conditions).items():
         same = key in e.interception and np.array_equal(e.interception[key], wanted)
-        yield seen("interception", same, f"{p.name}: interception/{key} differs from the state log")
+        yield observe("interception", same, f"{p.name}: interception/{key} differs from the state log")
     failing = [name for name, holds in conditions.items() if len(holds) != len(log) or not holds[-1]]
-    yield seen("interception", not failing, f"{p.name}: condition {', '.join(failing)} does not hold at the end")
+    yield observe("interception", not failing, f"{p.name}: condition {', '.join(failing)} does not hold at the end")
     met, sides = log.event("meeting"), {touch.side: touch for touch in log.touches}
     touch = next((sides[side] for side in sides if met and met.by.startswith(f"{side}_") and met.by not in e.meta.objects), None)
     right = touch is None or (met is not None and touch.step == round(met.time * e.meta.physics_hz))
-    yield seen("interception", right, f"{p.name}: its first contact is not at the meeting")
+    yield observe("interception", right, f"{p.name}: its first contact is not at the meeting")
     last = round(float(log.times[-1]) * e.meta.physics_hz)
     inside = all(0 <= run.start < run.end <= last for run in log.skills) and bool(log.skills)
-    yield seen("interception", inside, f"{p.name}: its runs of skills are missing or not within the episode")
+    yield observe("interception", inside, f"{p.name}: its runs of skills are missing or not within the episode")
 
 
 CHECKS = {

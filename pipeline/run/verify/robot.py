@@ -12,7 +12,7 @@ from pipeline.poses import compose
 from pipeline.run.slot.make import sentences
 from pipeline.run.slot.redraw import cached_parts
 from pipeline.run.verify.physics import Physics
-from pipeline.run.verify.tally import Finding, seen
+from pipeline.run.verify.tally import Finding, observe
 from pipeline.stages.render import body_poses, stored_appearance
 from pipeline.stages.tracks import track_arrays
 from pipeline.world.robots.contract import jaw_value
@@ -33,18 +33,18 @@ def check_robot(p: Physics) -> Iterator[Finding]:
             placed = {f"{side}_{link}": pose for link, pose in link_poses(arm, own).items()}
             odd = [body for body in log.bodies if body in placed and not _same(log.pose(body), placed[body])]
             said = f"{p.name}: {', '.join(odd[:3])} {'is' if len(odd) == 1 else 'are'} not where the joints place them"
-            yield seen("robot", not odd, said)
+            yield observe("robot", not odd, said)
             tool = compose(log.pose(f"{side}_{arm.hand}"), arm.tcp)
-            yield seen("robot", _same(log.tcp[:, number], tool), f"{p.name}: endpose/{side}_endpose is not that of the hand")
+            yield observe("robot", _same(log.tcp[:, number], tool), f"{p.name}: endpose/{side}_endpose is not that of the hand")
             names = [*(f"{side}_{name}" for name in arm.arm_joints), f"{side}_gripper"]
             jaws = np.stack([own[name] for name in arm.gripper.joints], axis=1)
             measured = [*(own[name] for name in arm.arm_joints), np.array([jaw_value(arm.gripper, row) for row in jaws])]
             state = log.state[:, [log.vector_names.index(name) for name in names]]
             same = np.allclose(state, np.stack(measured, axis=1), atol=CLOSE)
-            yield seen("robot", same, f"{p.name}: joint_state of the {side} arm is not that of the joints")
+            yield observe("robot", same, f"{p.name}: joint_state of the {side} arm is not that of the joints")
     for name, info in meta.drawing.cameras.items():
         mounted = world_poses(info.camera(name), body_poses(log.late(meta.drawing.latency)), len(log))
-        yield seen("cameras", _same(p.camera_poses[name], mounted), f"{p.name}: {name} is not where it is mounted")
+        yield observe("cameras", _same(p.camera_poses[name], mounted), f"{p.name}: {name} is not where it is mounted")
 
 
 def check_tracks(p: Physics) -> Iterator[Finding]:
@@ -62,7 +62,7 @@ def check_tracks(p: Physics) -> Iterator[Finding]:
         return  # another check names the asset
     made = track_arrays(appearance, some, objects)
     odd = sorted(key for key in {*stored, *made} if key not in stored or key not in made or _differ(stored[key][frames], made[key]))
-    yield seen("tracks", not odd, f"{p.name}: interception/{''.join(odd[:1])} is not where its bodies are")
+    yield observe("tracks", not odd, f"{p.name}: interception/{''.join(odd[:1])} is not where its bodies are")
 
 
 def _differ(stored: np.ndarray, made: np.ndarray) -> bool:
@@ -77,7 +77,7 @@ def check_sentences(p: Physics) -> Iterator[Finding]:
     wanted = sentences(p.scene, p.recipe.instructions)
     for split, made in wanted.items():
         same = list(p.episode.instructions[split]) == made
-        yield seen("instructions", same, f"{p.name}: instruction/{split} is not that of its scene")
+        yield observe("instructions", same, f"{p.name}: instruction/{split} is not that of its scene")
 
 
 def _same(stored: np.ndarray, computed: np.ndarray) -> bool:

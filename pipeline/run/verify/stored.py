@@ -12,7 +12,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.keys import frames_digest
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import check_regular, read_regular
-from pipeline.run.verify.tally import FAULTS, Finding, line, seen
+from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 RECOMPUTE = "run annotate again"
 
@@ -31,7 +31,7 @@ def _asset_findings(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, st
     """As `check_assets`; what is wrong with each asset is put into `known`."""
     store = AssetStore(dataset.bodies)
     for name, assets in named:
-        yield seen("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
+        yield observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
         for body, key in assets.items():
             if key not in known:
                 known[key] = ""
@@ -64,7 +64,7 @@ def check_stage(dataset: Dataset, directory: Path, wanted: Collection[Path]) -> 
     except FAULTS as error:
         yield Finding(check, f"{where}/stage.json: cannot be read ({line(error)}); {RECOMPUTE}")
         return
-    yield seen(check, named, f"{where}/stage.json: is not that of this directory; {RECOMPUTE}")
+    yield observe(check, named, f"{where}/stage.json: is not that of this directory; {RECOMPUTE}")
     if not named:
         return  # by another description every file would seem wrong
     for path in sorted(p for p in directory.rglob("*") if not p.is_dir() and p.suffix != ".tmp" and p.name != "stage.json"):
@@ -81,7 +81,7 @@ def check_stage(dataset: Dataset, directory: Path, wanted: Collection[Path]) -> 
             continue
         inputs = entry.attributes.get("inputs", {})
         same = annotation_key(*of, inputs) == entry.key
-        yield seen(check, same, f"{name}: its key is not that of its stage and inputs; {RECOMPUTE}")
+        yield observe(check, same, f"{name}: its key is not that of its stage and inputs; {RECOMPUTE}")
         yield from _fits(check, name, entry, episode, of[2])
 
 
@@ -94,4 +94,4 @@ def _fits(check: str, name: str, entry: Entry, episode: Path, parameters: Mappin
     except FAULTS:
         return
     if frames is not None:
-        yield seen(check, frames == now, f"{name}: was made from other frames than its episode has now; {RECOMPUTE}")
+        yield observe(check, frames == now, f"{name}: was made from other frames than its episode has now; {RECOMPUTE}")

@@ -21,7 +21,7 @@ class Finding(NamedTuple):
     problem: str = ""
 
 
-def seen(check: str, ok: object, problem: str) -> Finding:
+def observe(check: str, ok: object, problem: str) -> Finding:
     """The observation that `ok` holds, or the problem."""
     return Finding(check, "" if ok else problem)
 
@@ -71,7 +71,7 @@ def _many(number: int, what: str) -> str:
     return f"{number} {what}{'s' if number != 1 else ''}"
 
 
-def counted(findings: Iterable[Finding]) -> tuple[tuple[tuple[str, int], ...], list[Finding]]:
+def count_checks(findings: Iterable[Finding]) -> tuple[tuple[tuple[str, int], ...], list[Finding]]:
     """How many observations each check made, in the order of their first, and those alone that found a problem."""
     looked, problems = dict[str, int](), list[Finding]()
     for finding in findings:
@@ -92,7 +92,7 @@ class Tally:
 
     def add(self, findings: Iterable[Finding]) -> None:
         """Count observations."""
-        self.add_counted(*counted(findings))
+        self.add_counted(*count_checks(findings))
 
     def add_counted(self, looked: Iterable[tuple[str, int]], problems: Iterable[Finding]) -> None:
         """As `add`, of observations that were counted before."""

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.data.errors import DominoError
 from pipeline.data.names import is_name
-from pipeline.data.parsing import LARGEST_FILE, bounded, shown
+from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
 from pipeline.poses import IDENTITY
 from pipeline.world.glb import read_glb
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, NamedFrames, Words, register
@@ -162,7 +162,9 @@ def read_settings(path: Path) -> ObjectToml:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])[:80]
-        raise ObjectError(f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got {shown(first['input'])})") from error
+        raise ObjectError(
+            f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})"
+        ) from error
     except (OSError, ValueError) as error:
         raise ObjectError(f"{file}: not readable ({' '.join(str(error).split())})") from error
     if missing := {"base", "top"} - settings.frames.keys():

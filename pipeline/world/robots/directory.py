@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.keys import digest, file_hash
-from pipeline.data.parsing import LARGEST_FILE, bounded, shown
+from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
 from pipeline.world.glb import GlbError, read_glb
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
@@ -193,7 +193,9 @@ def read_settings(directory: Path) -> RobotToml:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])[:80]
-        raise RobotError(f"{path}: {key}: {first['msg'].removeprefix('Value error, ')} (got {shown(first['input'])})") from error
+        raise RobotError(
+            f"{path}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})"
+        ) from error
     except (OSError, ValueError) as error:
         raise RobotError(f"{path}: not readable ({' '.join(str(error).split())})") from error
     for key, sides in (("home", settings.home), ("place", settings.place), ("original", settings.original or _SIDES)):

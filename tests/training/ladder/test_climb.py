@@ -16,7 +16,7 @@ from pipeline.planning.planner import planner_for
 from pipeline.report.card.ladder import RESULTS, read_results, table
 from tests.run.command import inside
 from training.ladder.climb import Ladder, climb
-from training.ladder.demonstrations import ARRAYS, SlotJob, fill, stored
+from training.ladder.demonstrations import ARRAYS, SlotJob, fill, read_demonstrations
 from training.ladder.disturb import disturbances, disturbed
 from training.ladder.image_rungs import ImageTraining, image_policy, lerobot_dataset
 from training.ladder.network import Settings
@@ -27,18 +27,18 @@ from training.ladder.tables import summary, write_results
 def test_a_datasets_episodes_are_those_made_without_images(built):
     recipe = Dataset(built).recipe()
     slot = next(iter(recipe.physical_slots()))
-    found = list(stored(built, recipe.cells()))
+    found = list(read_demonstrations(built, recipe.cells()))
     assert len(found) == len(Dataset(built).accepted(recipe))
     made = fill(SlotJob(recipe, slot))
     assert made is not None
     assert (made.cell, made.bodies, made.untouched) == (found[0].cell, found[0].bodies, found[0].untouched)
     for name in ARRAYS:
         np.testing.assert_allclose(getattr(found[0], name), getattr(made, name), atol=1e-5)
-    assert list(stored(built, [])) == []
+    assert list(read_demonstrations(built, [])) == []
 
 
 def test_named_points_move_with_their_body(built):
-    episode = next(stored(built, Dataset(built).recipe().cells()))
+    episode = next(read_demonstrations(built, Dataset(built).recipe().cells()))
     # the bell's two points (button, top) stand above its origin, wherever it is; pressed, it tilts a little
     at = episode.points - episode.poses[:, :1, :3]
     assert episode.bodies == ("bell",) and at.shape[1] == 2
@@ -47,7 +47,7 @@ def test_named_points_move_with_their_body(built):
 
 
 def test_arms_off_their_path_are_shown_the_way_back(built):
-    episode = next(stored(built, Dataset(built).recipe().cells()))
+    episode = next(read_demonstrations(built, Dataset(built).recipe().cells()))
     rng = np.random.default_rng(1)
     offsets = disturbances("aloha-agilex", len(episode.joints), episode.untouched, 0.1, rng)
     assert not offsets[episode.untouched :].any() and not offsets[:, [6, 13]].any()

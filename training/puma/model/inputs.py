@@ -33,7 +33,7 @@ class Inputs:
 
     def to(self, device: torch.device | str) -> "Inputs":
         """The same on a device."""
-        moved = {f.name: _moved(getattr(self, f.name), device) for f in fields(self)}
+        moved = {f.name: _move_tensors(getattr(self, f.name), device) for f in fields(self)}
         return Inputs(**moved)
 
     def __len__(self) -> int:
@@ -47,7 +47,7 @@ def stacked(some: Sequence[Inputs]) -> Inputs:
     return Inputs(**whole)
 
 
-def _moved(value: Any, device: torch.device | str) -> Any:
+def _move_tensors(value: Any, device: torch.device | str) -> Any:
     return value if value is None else value.to(device, non_blocking=True)
 
 

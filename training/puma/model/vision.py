@@ -70,10 +70,10 @@ class Vision(nn.Module):
             x = _again(block, x, rotary) if checkpointing else _block(block, x, rotary)
             if number in visual.deepstack_visual_indexes:
                 merger = visual.deepstack_merger_list[visual.deepstack_visual_indexes.index(number)]
-                deep.append(self._merged(merger, x))
-        return self._merged(visual.merger, x), deep
+                deep.append(self._merge_patches(merger, x))
+        return self._merge_patches(visual.merger, x), deep
 
-    def _merged(self, merger: Any, x: Tensor) -> Tensor:
+    def _merge_patches(self, merger: Any, x: Tensor) -> Tensor:
         return merger(x.flatten(0, 1)).view(len(x), self.tokens, -1)
 
 
