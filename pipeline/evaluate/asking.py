@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.case import Case
-from pipeline.evaluate.contract import check_contract
 from pipeline.evaluate.policies import make_policy
 from pipeline.evaluate.policy import (
     NoAnswer,
@@ -33,6 +32,7 @@ from pipeline.evaluate.policy import (
     chunk_of,
     line_of,
 )
+from pipeline.evaluate.policy_contract import check_contract
 from pipeline.evaluate.trial import Trial
 
 ANSWER_SECONDS = 300.0

@@ -16,11 +16,11 @@ from pipeline.data.store.lock import exclusive
 from pipeline.evaluate.asking import ANSWER_SECONDS, load_once
 from pipeline.evaluate.case import BLIND, Case
 from pipeline.evaluate.clock import Clock
-from pipeline.evaluate.contract import check_contract
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.film import FilmJob, film_id, filming, jpeg, read_strip, sheet
 from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policy import PolicyError, PolicyName, Start, staying
+from pipeline.evaluate.policy_contract import check_contract
 from pipeline.evaluate.protocol import Manifests, Runner
 from pipeline.evaluate.results import EPISODES, Results, check_episode, text_key
 from pipeline.evaluate.summary import Row, over_tasks, summarise

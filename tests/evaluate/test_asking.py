@@ -178,7 +178,7 @@ def test_a_policy_that_cannot_be_made_is_one_line(tmp_path, text, said):
 def test_a_policy_that_cannot_be_tried_is_refused_before_any_scene_is_admitted(tmp_path, line, said):
     path = tmp_path / "other.py"
     text = POLICY.format("pass").replace("class Misbehaves:", f"class Misbehaves:\n    {line}")
-    path.write_text(f"from pipeline.evaluate.contract import Contract\n{text}")
+    path.write_text(f"from pipeline.evaluate.policy_contract import Contract\n{text}")
     start = start_of(get_embodiment("aloha-agilex"), BLIND, "")
     leave = os._exit
     with pytest.raises(PolicyError, match=r"^policy other\.py@") as error:

@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.contract import Contract
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.policies import FORMS, POLICIES, policy_name
 from pipeline.evaluate.policy import PolicyError
+from pipeline.evaluate.policy_contract import Contract
 from pipeline.evaluate.serving.session import Domino, DominoSession
 from pipeline.evaluate.serving.wire import unpack
 from tests.evaluate.servers import NAMES, Echo

@@ -20,10 +20,10 @@ from websockets.sync.client import connect
 
 from pipeline import cli
 from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.contract import Contract
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.policies import make_policy, policy_name
 from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError
+from pipeline.evaluate.policy_contract import Contract
 from pipeline.evaluate.serving.server import Place, ServeError
 from pipeline.evaluate.serving.session import DominoSession, contract_of
 from pipeline.evaluate.serving.wire import WireError, pack, unpack

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.case import Case
-from pipeline.evaluate.contract import Contract
 from pipeline.evaluate.policy import BatchPolicy, Observation, PolicyError, Start
+from pipeline.evaluate.policy_contract import Contract
 from pipeline.evaluate.trial import Trial
 from training.puma import checkpoint
 from training.puma.config import Config, Execute

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.evaluate.adapters.files import digest_of
 from pipeline.evaluate.adapters.settings import Settings, parse_settings
-from pipeline.evaluate.contract import Contract, mismatch, served
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start
+from pipeline.evaluate.policy_contract import Contract, mismatch, served
 from pipeline.evaluate.serving.fit import DATASET_CAMERAS
 
 OPTIONS = ("device", "resize", "revision")

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.contract import difference, mismatch, served
 from pipeline.evaluate.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, chunk_of, line_of_text
+from pipeline.evaluate.policy_contract import difference, mismatch, served
 from pipeline.evaluate.serving.address import Address, parse_address, token
 from pipeline.evaluate.serving.session import PROTOCOL, VERSION, contract_of, setup_keys, text
 from pipeline.evaluate.serving.socket import ANSWER_SECONDS, CONNECT_SECONDS, Lost, Socket, retry_connect

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.contract import check_contract
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of, policy_seed
+from pipeline.evaluate.policy_contract import check_contract
 from pipeline.evaluate.serving.address import Address, parse_address, token
 from pipeline.evaluate.serving.fit import DATASET_CAMERAS, first_rows, pad_to_square
 from pipeline.evaluate.serving.session import Session, array, text

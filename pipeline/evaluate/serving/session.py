@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
-from pipeline.evaluate.contract import Contract, Served, declared, difference, mismatch, plain
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, Start, chunk_of
+from pipeline.evaluate.policy_contract import Contract, Served, declared, difference, mismatch, plain
 from pipeline.evaluate.serving.wire import WireError, pack
 
 PROTOCOL, VERSION = "domino-policy", 1

@@ -111,7 +111,7 @@ def check_contract(policy: Policy, start: Start) -> None:
     wanted = attribute(policy, "contract")
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(wanted, Mapping):
-        reason = f"the policy's contract is a {type(wanted).__name__}: make it a pipeline.evaluate.contract.Contract"
+        reason = f"the policy's contract is a {type(wanted).__name__}: make it a pipeline.evaluate.policy_contract.Contract"
     if reason or (isinstance(wanted, Contract) and (reason := mismatch(wanted, served(start)))):
         raise PolicyError(reason)
 
