@@ -157,7 +157,7 @@ def symmetry(instance: Family) -> int:
     return 1
 
 
-def seen(task: str) -> tuple[float, float] | None:
+def visible_range(task: str) -> tuple[float, float] | None:
     """Least and greatest x (m) at which the head camera sees a target on the table, anywhere in its region's y.
 
     None if it sees the whole region."""

@@ -35,9 +35,22 @@ PATTERNS = {
 
 PARTICIPLES = {
     *("sent", "withdrawn", "freed", "said", "told", "asked", "kept", "gone", "say", "doing", "lost", "noted", "stopped"),
-    *("staged", "leased", "mirrored", "fetched", "remembered", "reopened", "hosted", "started"),
+    *(
+        "staged",
+        "leased",
+        "mirrored",
+        "fetched",
+        "remembered",
+        "reopened",
+        "hosted",
+        "started",
+        "made",
+        "seen",
+        "checked",
+        "judged",
+    ),
 }
-"""Names that no public function may have: a function with an effect is a verb, and prints or reports instead of saying."""
+"""Names that no function may have, with or without an underscore: a function is a verb, and prints or reports instead of saying."""
 
 
 def text_of(token: Token) -> str:
@@ -83,10 +96,13 @@ def check_page(path: Path) -> Iterator[tuple[int, str]]:
 
 def check_module(path: Path) -> Iterator[tuple[int, str]]:
     """What is wrong with the first sentences of the docstrings and with the names of the functions of a Python file."""
-    functions = ast.FunctionDef | ast.AsyncFunctionDef
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, functions) and node.name in PARTICIPLES:
-            yield node.lineno, f"function {node.name!r}: a function is a verb"
+    functions, tree = ast.FunctionDef | ast.AsyncFunctionDef, ast.parse(path.read_text())
+    for owner in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
+        for node in owner.body:
+            is_property = isinstance(node, functions) and any("property" in ast.unparse(each) for each in node.decorator_list)
+            if isinstance(node, functions) and not is_property and node.name.strip("_") in PARTICIPLES:
+                yield node.lineno, f"function {node.name!r}: a function is a verb"
+    for node in ast.walk(tree):
         if isinstance(node, functions | ast.ClassDef | ast.Module) and (text := ast.get_docstring(node)):
             first = re.split(r"(?<=[.!?])\s", text.split("\n\n")[0].replace("\n", " "))[0]
             yield from ((getattr(node, "lineno", 1), message) for message in judge(first))

@@ -16,7 +16,7 @@ def suits(task: Task, bodies: dict[str, Body], sides: Collection[str]) -> bool:
 
 
 @cache
-def _asked(task: Task) -> frozenset[frozenset[str]]:
+def _draw_arms(task: Task) -> frozenset[frozenset[str]]:
     """The sets of arms that TRIALS layouts of a task, drawn from fixed seeds, ask for."""
     draws = (Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1])) for seed in range(TRIALS))
     return frozenset(frozenset(task.arms(lay_out(task, draw)).values()) for draw in draws)
@@ -24,4 +24,4 @@ def _asked(task: Task) -> frozenset[frozenset[str]]:
 
 def can_do(task: Task, sides: Collection[str]) -> bool:
     """Whether a robot with the arms of `sides` can be given the task."""
-    return set(sides) >= set(SIDES) or any(asked <= set(sides) for asked in _asked(task))
+    return set(sides) >= set(SIDES) or any(asked <= set(sides) for asked in _draw_arms(task))

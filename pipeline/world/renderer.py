@@ -121,7 +121,7 @@ class Renderer:
         must be there (KeyError names the missing one, ValueError a wrong shape). Views come in camera order with RGB (F,H,W,3)
         uint8, and where asked depth (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W) uint8.
         """
-        poses = self._checked(body_poses)
+        poses = self._check_poses(body_poses)
         index = np.arange(len(next(iter(poses.values())))) if poses and frames is None else np.asarray(frames or [0], int)
         poses = {name: p[index] for name, p in poses.items()}
         views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
@@ -159,7 +159,7 @@ class Renderer:
         sets = [frozenset(name for name, here in zip(names, row, strict=True) if here) for row in together]
         return [sets[k // SAME_VIEW] for k in range(frames)]
 
-    def _checked(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
+    def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
         needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}
         missing = sorted(needed - set(body_poses))
         if missing:

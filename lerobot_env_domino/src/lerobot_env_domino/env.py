@@ -79,7 +79,7 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         wanted = self._next if seed is None else seed
         self._next, self._owed = wanted + 1, None
         observation, info = self._env.reset(options={"case": self._scenes.case(wanted)})
-        return self._seen(observation), info
+        return self._convert(observation), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """One control period, or the closing step."""
@@ -87,7 +87,7 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             (reward, terminated, truncated, info), self._owed = self._owed, None
             return self._last, reward, terminated, truncated, info
         observation, reward, terminated, truncated, info = self._env.step(action)
-        seen = self._seen(observation)
+        seen = self._convert(observation)
         if terminated or truncated:
             completion = info["score"]["route_completion"]
             # vector environments stack what is in every info: only plain values
@@ -105,7 +105,7 @@ class DominoTask(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         """Free the renderer."""
         self._env.close()
 
-    def _seen(self, observation: dict[str, Any]) -> dict[str, Any]:
+    def _convert(self, observation: dict[str, Any]) -> dict[str, Any]:
         images = {name: observation["pixels"][camera] for camera, name in self._names.items()}
         self._last = {"pixels": images, "agent_pos": observation["agent_pos"]}
         return self._last
