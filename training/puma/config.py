@@ -125,6 +125,9 @@ class Model(_Part):
     track: Finder | None = None
     """Whether the target's position and velocity are an input, found in the images of the first camera up to now, and its way from
     each tool. The camera must stand still, and `data.image_size` must be that of its images."""
+    arms: bool = False
+    """Whether a small network chooses which arms act, and its choice is an input. It sees the track alone. A choice is kept until
+    another one is much likelier: a policy that decides again at every chunk may start with both arms and arrive with none."""
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False
@@ -136,6 +139,8 @@ class Model(_Part):
             raise ValueError("a perceptron reads no images: set model.track, model.state or model.oracle")
         if self.backbone.kind == "perceptron" and self.world != "none":
             raise ValueError("a perceptron predicts actions alone: set model.world to none")
+        if self.arms and self.track is None:
+            raise ValueError("arms are chosen by the track of the target: set model.track")
         return self
 
     @property
@@ -179,9 +184,9 @@ class Data(_Part):
     """Smallest half range or deviation (rad, or of a gripper) that a joint is divided by."""
     validation: Annotated[float, Field(ge=0, le=0.5)] = 0.05
     """Share of physics episodes that is kept for validation."""
-    after_success: Annotated[float, Field(ge=0)] | None = None
+    after_success: float | None = None
     """Seconds after the success of the task that are learned; the whole episode by default. Without a clock, a policy cannot tell
-    the way home from the way to a target."""
+    the way home from the way to a target. Negative: the last moments before the success are left out, too."""
     cache: Path | None = None
     """Where decoded arrays are kept; $XDG_CACHE_HOME/domino-data/puma by default."""
 

@@ -145,8 +145,8 @@ def batch_of(part: Part, places: NDArray[np.int64], config: Config, preprocessin
     `image_<camera>` (B,h,w,3) uint8, where the network looks at them; `past` (B,h,fh,fw,3) uint8, oldest first, and `past_time`
     (B,h) s, at most 0; `state` (B,A) and `action` (B,K,A) normalised; `clock` (B,) s; `world` (B,N,D) and `oracle` (B,N,3) m.
     `action_valid` (B,K) is False past the last frame of the episode, `world_valid` (B,N) also where the target was not seen. `row`
-    (B,) numbers the episodes. Where the target is tracked: `track` (B,NUMBERS), `tools` (B,2,3) m, and `free` (B,), whether the
-    robot has not touched it yet.
+    (B,) numbers the episodes. Where the target is tracked: `track` (B,NUMBERS), `tools` (B,2,3) m, `free` (B,), whether the
+    robot has not touched it yet, and `choice` (B,), the number of the arms that act.
 
     History before the first frame is the first frame, whose flow map is black, as at the start of an episode that is played.
     """
@@ -165,7 +165,7 @@ def batch_of(part: Part, places: NDArray[np.int64], config: Config, preprocessin
         out["past"] = arrays["past"][at]
         out["past_time"] = np.asarray(arrays["time"][at] - arrays["time"][now][:, None], np.float32)
     if model.track:
-        out |= {name: np.asarray(arrays[name][now]) for name in ("track", "tools", "free")}
+        out |= {name: np.asarray(arrays[name][now]) for name in ("track", "tools", "free", "choice")}
     if model.world != "none" or model.oracle:
         later = frame + model.stride * np.arange(1, model.world_queries + 1)
         at = np.minimum(later, last)

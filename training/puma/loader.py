@@ -3,7 +3,7 @@
 import queue
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -102,10 +102,8 @@ class Loader:
 
 def targets_of(arrays: Arrays) -> Targets:
     """Targets of a batch."""
-    tensors = {
-        name: torch.from_numpy(arrays[name]) for name in ("action", "action_valid", "world", "world_valid") if name in arrays
-    }
-    return Targets(**tensors)
+    names = [field.name for field in fields(Targets) if field.name in arrays]
+    return Targets(**{name: torch.from_numpy(arrays[name]) for name in names})
 
 
 def validation_batches(part: Part, config: Config, corpus: Corpus, words: Words) -> Iterator[tuple[Inputs, Targets, Arrays]]:

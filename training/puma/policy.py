@@ -23,11 +23,14 @@ from training.puma.data import references
 from training.puma.model.inputs import Inputs, inputs_of, stacked
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
-from training.puma.track import Track
+from training.puma.track import Track, aims
 from training.puma.tracking import tools_of
 
 Floats = NDArray[np.float64]
 CLOCK_TOLERANCE = 1e-3  # s
+
+SURE = 0.8
+"""How likely another choice of arms must be to replace the one that was made."""
 
 STILL = 0.03
 """Speed (m/s) of a track below which the target counts as still."""
@@ -64,11 +67,13 @@ class Past:
 class Memory:
     """What a policy remembers of one episode.
 
-    Glances, the target's track, chunks that still matter, when the next one is `due` (s), and the number of network passes.
+    Glances, the target's track, which arms act, chunks that still matter, when the next one is `due` (s), and the number of network
+    passes.
     """
 
     past: Past
     track: Track | None = None
+    choice: int | None = None
     chunks: list[Chunk] = field(default_factory=list[Chunk])
     due: float = 0.0
     inferences: int = 0
@@ -158,6 +163,9 @@ class PumaPolicy(BatchPolicy):
         if memory.track is not None:
             out["track"] = memory.track.numbers[None]
             out["tools"] = tools_of(prep.embodiments[0], observation.joints[None])
+        if model.arms:
+            memory.choice = self._chosen(memory.choice, aims(out["track"], out["tools"]))
+            out["choice"] = np.array([memory.choice])
         return out
 
     def given(self, observation: Observation) -> dict[str, NDArray[Any]]:
@@ -184,6 +192,13 @@ class PumaPolicy(BatchPolicy):
                     found = self._forward(stacked([inputs[i] for i in filled]).to(self._device)).actions
                 out |= dict(zip(some, found.float().cpu().numpy(), strict=False))
         return [self._targets(out[i], seen) for i, (_, seen) in enumerate(asked)]
+
+    def _chosen(self, before: int | None, seen: NDArray[np.float32]) -> int:
+        """Which arms act, after the choice `before`, for aims (1,AIMS)."""
+        with torch.inference_mode():
+            likely = self._network.choices(torch.from_numpy(seen).to(self._device))[0].cpu().numpy()
+        best = int(likely.argmax())
+        return best if before is None or likely[best] > SURE else before
 
     def _inputs(self, memory: Memory, observation: Observation) -> Inputs:
         return inputs_of(self.arrays(memory, observation), [observation.instruction], self.config, self._network.words)

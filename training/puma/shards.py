@@ -123,7 +123,7 @@ class Shards:
         after, success = self.config.data.after_success, row["t_success"]
         if after is None or success is None:
             return row["length"]
-        return min(row["length"], int((success + after) * self.fps + 1e-6) + 1)
+        return min(row["length"], max(0, int((success + after) * self.fps + 1e-6)) + 1)
 
     def _columns(self, there: Sequence[str]) -> dict[str, str]:
         """Camera -> column of its images."""

@@ -140,5 +140,8 @@ def aims(track: NDArray[Any], tools: NDArray[Any]) -> NDArray[np.float32]:
     return np.concatenate(parts, 1).astype(np.float32)
 
 
+CHOICES = ("left", "right", "both")
+"""Which arms act in an episode."""
+
 AIMS = NUMBERS + 10
 """Numbers of `aims`."""

@@ -1,5 +1,6 @@
 """Finds targets in all frames of a corpus: trains the finder, follows every episode with it, and places the tools beside."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from training.puma.errors import TrainError
 from training.puma.model.finder import FinderNet, finding_loss
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
-from training.puma.track import Sight, Track, aims
+from training.puma.track import CHOICES, Sight, Track, aims
 
 ASTRAY = 0.1
 """Share of the crops in training that lie anywhere: from them the finder learns to doubt."""
@@ -26,12 +27,15 @@ ASTRAY = 0.1
 CLEAN = 1 / 3
 """Share of the samples whose joints stay as they were measured."""
 
+MOVED = 0.1
+"""Range (rad) of a joint above which its arm acts in an episode."""
+
 FRAMES = 128
 """Frames that are searched at once."""
 
 
 def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = True) -> Corpus:
-    """The corpus with the arrays `track` (N,NUMBERS) and `tools` (N,2,3) m for every frame.
+    """The corpus with the arrays `track` (N,NUMBERS), `tools` (N,2,3) m and `choice` (N,), which of CHOICES acts, for every frame.
 
     Trains the finder of the network, and fits the scale of what is found, unless they are `trained` already. The same for the same
     corpus, configuration, torch and processor. Raises TrainError if no image shows the target before it is touched.
@@ -147,17 +151,25 @@ class _View:
 
 
 def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
-    """The cache with `track` and `tools`."""
-    sight, arrays = corpus.preprocessing.sight, cache.arrays
+def _followed(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
+>>>>>>> s6-a
     assert sight is not None
     images = arrays[f"image_{corpus.config.data.cameras[0]}"]
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
-    tracks = list[NDArray[np.float32]]()
+    tracks, choices = list[NDArray[np.float32]](), list[NDArray[np.int64]]()
     for start, length in zip(cache.start, cache.length, strict=True):
         track = Track(sight)
+        choices.append(np.repeat(choice_of(cache.names, arrays["action"][start : start + length]), length))
         for i in range(start, start + length):
             track.see(float(arrays["time"][i]), points[i], errors[i])
             tracks.append(track.numbers)
     tools = tools_of(cache.rows[0].embodiment, arrays["state"])
-    return replace(cache, arrays={**arrays, "track": np.stack(tracks), "tools": tools})
+    return replace(cache, arrays={**arrays, "track": np.stack(tracks), "tools": tools, "choice": np.concatenate(choices)})
+
+
+def choice_of(names: Sequence[str], actions: NDArray[Any]) -> int:
+    """Which of CHOICES moves in the actions (T,A) of an episode; both if none does."""
+    arms = [name for name, far in zip(names, np.ptp(actions, axis=0) > MOVED, strict=True) if far and not name.endswith("gripper")]
+    moved = [any(name.startswith(side) for name in arms) for side in SIDES]
+    return moved.index(True) if sum(moved) == 1 else len(CHOICES) - 1

@@ -52,6 +52,7 @@ def test_unknown_keys_and_wrong_values_are_refused():
     blind = {"kind": "perceptron"}
     assert "a perceptron reads no images: set model.track" in refused({"model": {"backbone": blind}})
     assert "set model.world to none" in refused({"model": {"backbone": blind, "track": {}}})
+    assert "set model.track" in refused({"model": {"arms": True}})
     assert refused({}, "train.stepz=3") == "puma-tiny: train.stepz is unknown"
     assert refused({}, "train.steps") == "--set 'train.steps': write key=value, for example train.steps=1000"
     with pytest.raises(TrainError, match="--config 'nothing' is unknown: give a YAML file or one of puma-2b, "):

@@ -250,6 +250,8 @@ def test_what_comes_after_the_success_can_be_left_out(copy: Path, tmp_path: Path
     table = pq.read_table(path)
     success = pa.array([3 / whole.fps, None, 12.5 / whole.fps], pa.float64())
     pq.write_table(table.set_column(table.schema.get_field_index("t_success"), "t_success", success), path)
+    sooner = changed(config, "data", after_success=-2 / whole.fps)
+    assert open_cache(config.data.sources[0], sooner).length.tolist() == [2, FRAMES[1], 11]
     config = changed(config, "data", after_success=2 / whole.fps)
     found = open_cache(config.data.sources[0], config)
     assert found.length.tolist() == [6, FRAMES[1], FRAMES[2]]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.data.cameras import look, project
 from tests.training.puma.test_train import seen, start
@@ -15,8 +16,8 @@ from training.puma.data import open_corpus
 from training.puma.errors import TrainError
 from training.puma.policy import PumaPolicy
 from training.puma.preprocess import Preprocessing
-from training.puma.track import NUMBERS, Sight, Track
-from training.puma.tracking import Disturbance, tools_of
+from training.puma.track import CHOICES, NUMBERS, Sight, Track
+from training.puma.tracking import Disturbance, choice_of, tools_of
 from training.puma.train import train
 
 SIGHT = Sight((240, 320), 37.0, tuple(look((0.0, -0.5, 1.4), (0.0, 0.6, -0.7))), 0.76, 0.03)
@@ -63,7 +64,7 @@ def small(dataset: Path, cache: Path, **track: int) -> Config:
     """`puma-small` with a few hundred weights, on images of 240 x 320."""
     values = config_of(dataset, cache).model_dump(mode="json")
     values["model"] |= {"backbone": {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1}, "world": "none"}
-    values["model"] |= {"history": "none", "offsets": True, "track": {"steps": 4, "batch": 4, "width": 8, **track}}
+    values["model"] |= {"history": "none", "offsets": True, "arms": True, "track": {"steps": 4, "batch": 4, "width": 8, **track}}
     values["data"] |= {"cameras": ["head_camera"], "image_size": [240, 320]}
     values["train"] |= {"disturb": 0.05}
     return parse_config(values, "test")
@@ -83,6 +84,7 @@ def test_a_run_that_was_stopped_finds_the_same_targets_and_a_policy_sees_them(da
     policy = PumaPolicy.load(tmp_path / "whole")
     answers_together_are_those_alone(policy)
     executes_more_actions_while_the_target_is_still(policy)
+    keeps_its_arms_until_others_are_much_likelier(policy)
 
 
 def answers_together_are_those_alone(policy: PumaPolicy):
@@ -111,6 +113,32 @@ def executes_more_actions_while_the_target_is_still(policy: PumaPolicy):
         # a sighting of the time of the last one changes nothing
         policy.act_together([(episode, seen(11 / 15))])
         assert episode.due == pytest.approx((11 + actions) / 15)
+
+
+def keeps_its_arms_until_others_are_much_likelier(policy: PumaPolicy):
+    """And the arms decide what it does: the same glance has another answer with other arms."""
+    episode, chooser, answers = policy.begin(start()), policy._network.chooser, []
+    assert chooser is not None
+    held = {name: value.clone() for name, value in chooser.state_dict().items()}
+    for likely, chosen in (([0.5, 0.4, 0.1], 0), ([0.3, 0.7, 0.0], 0), ([0.1, 0.9, 0.0], 1), ([0.6, 0.4, 0.0], 1)):
+        last = chooser[-1]
+        assert isinstance(last, torch.nn.Linear)
+        torch.nn.init.zeros_(last.weight)
+        last.bias.data = torch.log(torch.tensor(likely) + 1e-6)
+        episode.chunks.clear()
+        answers.append(policy.act_together([(episode, seen(0.0))])[0])
+        assert episode.choice == chosen
+    chooser.load_state_dict(held)
+    np.testing.assert_array_equal(answers[0], answers[1])
+    assert np.abs(answers[2] - answers[1]).max() > 1e-6
+
+
+def test_the_arms_of_an_episode_are_those_whose_joints_move():
+    names = ("left_waist", "left_gripper", "right_waist", "right_gripper")
+    moves = {"left": [0.5, 1, 0.01, 1], "right": [0.05, 0, 0.2, 0], "both": [0.5, 0, 0.5, 0]}
+    for number, choice in enumerate(CHOICES):
+        assert choice_of(names, np.linspace(0, 1, 5)[:, None] * moves[choice]) == number
+    assert choice_of(names, np.zeros((5, 4))) == CHOICES.index("both")
 
 
 def test_images_of_another_size_cannot_be_cropped(dataset: Path, cache: Path):

@@ -18,8 +18,8 @@ from training.puma.track import aims
 class Inputs:
     """B samples. `views` (B,V,h,w,3) and `past` (B,h,fh,fw,3) are uint8, `text` (B,L) token ids, padded at its end with -1.
 
-    `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F) and `oracle` (B,N,3) m are there where the model
-    takes them, `views` where the backbone looks at images.
+    `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F), `choice` (B,), which arms act, and
+    `oracle` (B,N,3) m are there where the model takes them, `views` where the backbone looks at images.
     """
 
     text: Tensor
@@ -30,6 +30,7 @@ class Inputs:
     past_time: Tensor | None = None
     oracle: Tensor | None = None
     aims: Tensor | None = None
+    choice: Tensor | None = None
 
     def to(self, device: torch.device | str) -> "Inputs":
         """The same on a device."""
@@ -67,6 +68,8 @@ def inputs_of(arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: 
         found["clock"] = torch.from_numpy(arrays["clock"])[:, None]
     if model.track:
         found["aims"] = torch.from_numpy(aims(arrays["track"], arrays["tools"]))
+    if model.arms:
+        found["choice"] = torch.from_numpy(arrays["choice"])
     if model.oracle:
         found["oracle"] = torch.from_numpy(arrays["oracle"])
     return Inputs(**found)

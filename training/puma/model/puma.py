@@ -1,9 +1,11 @@
 """The policy network: backbone, queries of its own for every output, heads in float32."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from training.puma.config import Config
 from training.puma.model.finder import FinderNet
@@ -12,28 +14,35 @@ from training.puma.model.inputs import Inputs
 from training.puma.model.perceptron import PerceptronBackbone
 from training.puma.model.text import HashedWords, Words
 from training.puma.model.tiny import TinyBackbone
-from training.puma.track import AIMS, AXES
+from training.puma.track import AIMS, AXES, CHOICES, NUMBERS
 
 FARTHEST = 8.0
 """Standard deviations at which numbers are clipped: a target that is taken for something else may be found anywhere."""
 
 
+CHOOSER = 32
+"""Width of the network that chooses arms."""
+
+
 @dataclass(eq=False)
 class Outputs:
-    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted."""
+    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits `choice` (B,CHOICES) likewise."""
 
     actions: Tensor
     world: Tensor | None
+    choice: Tensor | None = None
 
 
 @dataclass(eq=False)
 class Targets:
-    """What outputs should be: `action` (B,K,A), `action_valid` (B,K), and for the world `world` (B,N,D), `world_valid` (B,N)."""
+    """What outputs should be: `action` (B,K,A), `action_valid` (B,K), for the world `world` (B,N,D), `world_valid` (B,N), and
+    `choice` (B,)."""
 
     action: Tensor
     action_valid: Tensor
     world: Tensor | None = None
     world_valid: Tensor | None = None
+    choice: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,17 @@ class Standard(nn.Module):
         return ((values - self.mean) / self.spread).clamp(-FARTHEST, FARTHEST)
 
 
+class _Chooser(nn.Sequential):
+    """Scaled aims (B,AIMS) -> logits (B,CHOICES). Reads the track alone: the arm that has moved is not the reason to move it."""
+
+    def __init__(self) -> None:
+        first, second, third = (nn.Linear(a, b) for a, b in pairwise((NUMBERS, CHOOSER, CHOOSER, len(CHOICES))))
+        super().__init__(first, nn.ReLU(), second, nn.ReLU(), third)
+
+    def forward(self, aims: Tensor) -> Tensor:
+        return super().forward(aims[:, :NUMBERS])
+
+
 class Puma(nn.Module):
     """See the package. `backbone(inputs, extras, queries)` gives hidden states at the queries; `backbone.width` is their width."""
 
@@ -78,12 +98,15 @@ class Puma(nn.Module):
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.finder = None if model.track is None else FinderNet(model.track, len(AXES)).requires_grad_(False)
         self.aim_scale = None if model.track is None else Standard(AIMS)
+        self.chooser = _Chooser() if model.arms else None
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
-        given = {name: getattr(inputs, name).flatten(1) for name in self.extra}
+        given = {name: getattr(inputs, name).flatten(1) for name in self.extra if name != "choice"}
         if self.aim_scale is not None:
             given["aims"] = self.aim_scale(given["aims"])
+        if inputs.choice is not None and self.chooser is not None:
+            given["choice"] = functional.one_hot(inputs.choice, len(CHOICES)).float()
         extras = [layer(given[name])[:, None] for name, layer in self.extra.items()]
         empty = self.queries.new_zeros(len(inputs), 0, self.queries.shape[1])
         hidden = self.backbone(inputs, torch.cat(extras, 1) if extras else empty, self.queries).float()
@@ -93,7 +116,13 @@ class Puma(nn.Module):
             return Outputs(
                 self.action_head(hidden[:, -self.config.model.chunk :]),
                 None if self.world_head is None else self.world_head(world),
+                None if self.chooser is None else self.chooser(given["aims"]),
             )
+
+    def choices(self, aims: Tensor) -> Tensor:
+        """How likely (B,CHOICES) each choice of arms is for `aims` (B,AIMS)."""
+        assert self.chooser is not None and self.aim_scale is not None
+        return self.chooser(self.aim_scale(aims)).softmax(-1)
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
         """`action`, `world` where it is predicted, and their weighted sum `loss`."""
@@ -103,6 +132,9 @@ class Puma(nn.Module):
             measure = box_loss if self.config.model.world == "boxes" else feature_loss
             found["world"] = measure(outputs.world, targets.world, targets.world_valid)
             found["loss"] = found["action"] + self.config.train.world_weight * found["world"]
+        if outputs.choice is not None and targets.choice is not None:
+            found["choice"] = functional.cross_entropy(outputs.choice, targets.choice)
+            found["loss"] = found["loss"] + found["choice"]
         return found
 
 
@@ -115,6 +147,7 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
         "clock": 1 if model.clock else 0,
         "aims": AIMS if model.track else 0,
         "oracle": 3 * model.world_queries if model.oracle else 0,
+        "choice": len(CHOICES) if model.arms else 0,
     }
     return {name: n for name, n in wanted.items() if n}
 
