@@ -129,13 +129,15 @@ def report(rows: Path, page: Path, plot: Path) -> None:
         for colour, arm in enumerate((*ARMS, "foresighted")):
             if sizes := rates.sizes(arm):
                 scenes = [rates.of((arm, n))[0] for n in sizes]
-                low, high = 100 * np.array([interval({task: s}) for s in scenes]).T
-                ax.plot(sizes, [100 * s.mean() for s in scenes], "o-", color=f"C{colour}", label=arm)
-                ax.fill_between(sizes, low, high, color=f"C{colour}", alpha=0.15, linewidth=0)
+                low, high = np.array([interval({task: s}) for s in scenes]).T
+                mean, aside = np.array([s.mean() for s in scenes]), 1.02 ** (colour - 1.5)
+                bars = 100 * np.array([mean - low, high - mean])
+                ax.errorbar(np.array(sizes) * aside, 100 * mean, bars, fmt="o-", color=f"C{colour}", capsize=2, label=arm)
         ax.set_xscale("log", base=2)
-        ticks = sorted({r["n"] for r in found if r["task"] == task})
+        ticks = sorted({r["n"] for r in found})
         ax.set_xticks(ticks, map(str, ticks))
         ax.set(title=f"{task}, level {level}", xlabel="demonstrations a level", ylim=(0, 100))
+        ax.set_xlim(0.8 * ticks[0], 1.25 * ticks[-1])
         ax.minorticks_off()
     for ax in panels[:, 0]:
         ax.set_ylabel("success (%)")
