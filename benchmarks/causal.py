@@ -36,7 +36,7 @@ SETTINGS = Settings(inputs="velocity", chunk=8, steps=4000)
 EXECUTE, FPS = 4, 15
 EXPLORED = (
     *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
-    *((n, arm, seed) for n in reversed(MORE_SIZES) for seed in range(SEEDS) for arm in ("planned", "reactive")),
+    *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
 )
 """The units of the addendum, on the first task, in their order."""
 
