@@ -1,7 +1,9 @@
 """The study of docs/science/preregistration.md: what networks learn from planned and reactive demonstrations, and from corrections.
 
 python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, one unit after another; the same command resumes
+python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the addendum
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
+python -m benchmarks.causal describe DIR PAGE.md       what the demonstrations of click_bell look like, 150 a level
 
 A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "level", "tried", "solved"}, scenes by seed.
 """
@@ -9,19 +11,18 @@ A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "s
 import argparse
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 
+from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, Row, fill_in, read, report
+from benchmarks.foresighted import filling_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Corrections
 from pipeline.evaluate.case import blind
-from pipeline.evaluate.difference import interval, sign_flip
 from pipeline.evaluate.evaluate import evaluate, inline
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.slot_keys import code_version
@@ -30,19 +31,14 @@ from training.ladder.demonstrations import Demonstration, make_demonstrations
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
 
-TASKS, SIZES, ARMS, SEEDS, LEVELS, SCENES = (
-    ("click_bell", "grab_roller"),
-    (50, 150),
-    ("planned", "reactive", "takeovers"),
-    3,
-    (1, 3),
-    40,
-)
+SCENES = 40
 SETTINGS = Settings(inputs="velocity", chunk=8, steps=4000)
-EXECUTE = 4
-CONTRASTS = (("reactive", "planned"), ("takeovers", "planned"), ("reactive", "takeovers"))
-
-Row = dict[str, Any]
+EXECUTE, FPS = 4, 15
+EXPLORED = (
+    *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
+    *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
+)
+"""The units of the addendum, on the first task, in their order."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +55,12 @@ def units() -> Iterator[Unit]:
     """All networks in the order of the pre-registration."""
     for task, n, seed, arm in itertools.product(TASKS, SIZES, range(SEEDS), ARMS):
         yield Unit(task, n, seed, arm)
+
+
+def explored() -> Iterator[Unit]:
+    """The networks of the addendum."""
+    for n, arm, seed in EXPLORED:
+        yield Unit(TASKS[0], n, seed, arm)
 
 
 class Study:
@@ -86,6 +88,8 @@ class Study:
     def shown(self, unit: Unit) -> list[Demonstration]:
         """What the network of a unit learns from."""
         recipe, half = self.recipe(unit.task, unit.n), self.recipe(unit.task, unit.n // 2)
+        if unit.arm == "foresighted":
+            return self.foresighted(unit.task, unit.n)
         if unit.arm != "takeovers":
             return self.demonstrate(recipe.model_copy(update={"expert": unit.arm}))
         planned = self.demonstrate(half)
@@ -95,21 +99,33 @@ class Study:
             *self.demonstrate(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})),
         ]
 
+    def foresighted(self, task: str, n: int) -> list[Demonstration]:
+        """The demonstrations of the expert that follows a target whose future it knows."""
+        recipe = self.recipe(task, n).model_copy(update={"expert": "reactive"})
+        return list(
+            make_demonstrations(recipe, self.demonstrations / "foresighted", lambda _, jobs: inline(filling_foreseen, jobs))
+        )
+
     def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""
-        return list(make_demonstrations(recipe, self.root / "demonstrations" / self.physics[:12] / recipe.label, inline))
+        return list(make_demonstrations(recipe, self.demonstrations / recipe.label, inline))
+
+    @property
+    def demonstrations(self) -> Path:
+        """The directory of demonstrations of this version of the program."""
+        return self.root / "demonstrations" / self.physics[:12]
 
     def recipe(self, task: str, n: int) -> Recipe:
         """Planned demonstrations."""
         return Recipe(tasks=(task,), levels=LEVELS, episodes=n)
 
 
-def run(root: Path, rows: Path) -> None:
+def run(root: Path, rows: Path, wanted: Iterable[Unit]) -> None:
     """Do the units that are missing in `rows`."""
     root.mkdir(parents=True, exist_ok=True)
     found = read(rows) if rows.exists() else []
     done, study = {tuple(row[key] for key in ("task", "n", "seed", "arm")) for row in found}, Study(root)
-    for unit in units():
+    for unit in wanted:
         if (unit.task, unit.n, unit.seed, unit.arm) not in done:
             new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
             with rows.open("a") as file:
@@ -117,73 +133,50 @@ def run(root: Path, rows: Path) -> None:
             print(unit, flush=True)
 
 
-def read(rows: Path) -> list[Row]:
-    """The rows of a file."""
-    return [json.loads(line) for line in rows.read_text().splitlines()]
+def describe(root: Path, page: Path) -> None:
+    """Write into PAGE.md how the hands of each arm's demonstrations move: 150 a level of the first task."""
+    study, n = Study(root), max(SIZES)
+    arms = {arm: study.shown(Unit(TASKS[0], n, 0, arm)) for arm in ("planned", "foresighted", "reactive")}
+    lines = list[list[object]]()
+    for level, (arm, shown) in itertools.product(LEVELS, arms.items()):
+        mine = [d for d in shown if d.cell.level == level]
+        until, length, apart = np.median([approach(d) for d in mine], axis=0)
+        again = np.mean([d.untouched > 1.5 * until * FPS for d in mine])
+        lines.append([level, arm, len(mine), f"{until:.1f}", f"{100 * again:.0f} %", f"{length:.2f}", f"{1000 * apart:.0f}"])
+    columns = ("level", "arm", "episodes", "until the touch (s)", "longer by half", "path (m)", "speed off the target's (mm/s)")
+    fill_in(page, "demonstrations", markdown(columns, lines))
 
 
-def by_scene(rows: Sequence[Row], seeds: Sequence[int], scenes: Sequence[int]) -> np.ndarray:
-    """Mean success (S,) of each scene over networks of these seeds."""
-    return np.mean([[scene in row["solved"] for scene in scenes] for row in rows if row["seed"] in seeds], axis=0)
-
-
-def contrasts(rows: Sequence[Row]) -> list[list[object]]:
-    """A line for each contrast that has a seed in both arms: the rates and the difference in points, with its interval and p.
-
-    Scenes that no network solved are the same in both arms: they count as so many differences of 0.
-    """
-    lines: list[list[object]] = []
-    for task, n, level, (first, second) in itertools.product(TASKS, SIZES, LEVELS, CONTRASTS):
-        arms = [[r for r in rows if (r["task"], r["n"], r["level"], r["arm"]) == (task, n, level, a)] for a in (first, second)]
-        seeds = sorted({r["seed"] for r in arms[0]} & {r["seed"] for r in arms[1]})
-        if not seeds:
-            continue
-        scenes, tried = sorted({s for arm in arms for r in arm for s in r["solved"]}), arms[0][0]["tried"]
-        one, other = (np.append(by_scene(arm, seeds, scenes), np.zeros(tried - len(scenes))) for arm in arms)
-        low, high = interval({task: one - other})
-        p = sign_flip([round(d) for d in (one - other) * len(seeds)])
-        effect = f"{100 * np.mean(one - other):+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
-        rates = (f"{100 * one.mean():.0f} %", f"{100 * other.mean():.0f} %")
-        lines.append([f"{task}, level {level}, N = {n}: {first} - {second}", len(seeds), *rates, effect, f"{p:.2g}"])
-    return lines
-
-
-def report(rows: Path, page: Path, plot: Path) -> None:
-    """Write the table into PAGE.md, between its marks, and the curves into PLOT.png."""
-    found = read(rows)
-    table = markdown(("contrast", "networks an arm", "first", "second", "difference (points)", "p"), contrasts(found))
-    text = page.read_text()
-    begin, end = "<!-- contrasts -->\n", "<!-- end -->"
-    page.write_text(text[: text.index(begin) + len(begin)] + table + "\n" + text[text.index(end) :])
-    figure, axes = plt.subplots(1, len(LEVELS), figsize=(8, 3), sharey=True, layout="constrained")
-    for ax, level in zip(axes, LEVELS, strict=True):
-        for task, arm in itertools.product(TASKS, ARMS):
-            mine = [r for r in found if (r["task"], r["arm"], r["level"]) == (task, arm, level)]
-            sizes = sorted({r["n"] for r in mine})
-            rates = [100 * np.mean([len(r["solved"]) / r["tried"] for r in mine if r["n"] == n]) for n in sizes]
-            if sizes:
-                ax.plot(sizes, rates, "o-" if task == TASKS[0] else "s--", color=f"C{ARMS.index(arm)}", label=f"{task}, {arm}")
-        ax.set(title=f"level {level}", xlabel="demonstrations a level", ylim=(0, 100))
-    axes[0].set_ylabel("success (%)")
-    axes[-1].legend(fontsize=7)
-    figure.savefig(plot, dpi=120)
+def approach(d: Demonstration) -> tuple[float, float, float]:
+    """Of the hand that is nearest to the target at the touch: seconds and metres until then, and its mean horizontal speed (m/s)
+    relative to the target in the last half second."""
+    end = d.untouched
+    side = int(np.linalg.norm(d.tools[end - 1, :, :3] - d.poses[end - 1, :1, :3], axis=1).argmin())
+    hand, target = d.tools[:end, side, :3], d.poses[:end, 0, :3]
+    apart = np.diff((hand - target)[-1 - FPS // 2 :, :2], axis=0) * FPS
+    length = np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()
+    return end / FPS, float(length), float(np.linalg.norm(apart, axis=1).mean())
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     verbs = parser.add_subparsers(dest="verb", required=True)
-    doing = verbs.add_parser("run")
-    doing.add_argument("root", type=Path)
-    doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
-    telling = verbs.add_parser("report")
-    for name in ("rows", "page", "plot"):
-        telling.add_argument(name, type=Path)
+    for verb in ("run", "explore"):
+        doing = verbs.add_parser(verb)
+        doing.add_argument("root", type=Path)
+        doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
+    for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "page"))):
+        telling = verbs.add_parser(verb)
+        for name in names:
+            telling.add_argument(name, type=Path)
     given = parser.parse_args()
-    if given.verb == "run":
-        run(given.root, given.rows)
-    else:
+    if given.verb == "report":
         report(given.rows, given.page, given.plot)
+    elif given.verb == "describe":
+        describe(given.root, given.page)
+    else:
+        run(given.root, given.rows, units() if given.verb == "run" else explored())
 
 
 if __name__ == "__main__":

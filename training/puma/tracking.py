@@ -151,8 +151,8 @@ class _View:
 
 
 def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
-def _followed(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
->>>>>>> s6-a
+    """The cache with `track`, `tools` and `choice`."""
+    sight, arrays = corpus.preprocessing.sight, cache.arrays
     assert sight is not None
     images = arrays[f"image_{corpus.config.data.cameras[0]}"]
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
