@@ -1,6 +1,7 @@
-"""`domino-data robots add`: a vendor's URDF becomes a robot's directory."""
+"""`domino-data robots add`: a vendor's URDF or MJCF becomes a robot's directory."""
 
 import re
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +12,8 @@ from pipeline.data.names import NONE, is_name
 from pipeline.poses import compose, from_matrix, pose, quat_rotate
 from pipeline.run.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.run.robots.config_yml import CONFIG, read_config
+from pipeline.run.robots.join import joined
+from pipeline.run.robots.mjcf import MJCF, read_mjcf
 from pipeline.run.robots.place import Site, find_site, overlaps
 from pipeline.run.robots.simplify import pieces
 from pipeline.run.robots.write import Draft, write_robot
@@ -34,19 +37,24 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 @dataclass(frozen=True)
 class Options:
-    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence."""
+    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence.
+
+    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it.
+    """
 
     name: str
     to: Path
     base: str | None = None
     jaw: str | None = None
     licence: str = "unknown"
+    gripper: Path | None = None
+    flange: str | None = None
 
 
 def add_robot(source: Path, options: Options) -> Path:
-    """Write the directory of a robot from a URDF, a directory with one, or an embodiment directory of RoboTwin; the directory.
+    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
 
-    Raises RobotError and UrdfError, one line each; nothing is written then.
+    Returns the directory. Raises RobotError and UrdfError, one line each; nothing is written then.
     """
     name, directory = options.name, options.to / "robots" / options.name
     if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
@@ -56,15 +64,25 @@ def add_robot(source: Path, options: Options) -> Path:
     if (directory / TOML).exists():
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
     if not source.exists():
-        raise RobotError(f"{source}: is neither a URDF nor a directory")
+        raise RobotError(f"{source}: is neither a URDF, nor an MJCF, nor a directory")
     hints, urdf = Hints(options.base, options.jaw), None
     if source.is_dir() and (source / CONFIG).is_file():
         urdf, hints = read_config(source, options.base)
     root = source if source.is_dir() else None
-    robot = read_urdf(urdf or find_urdf(source), root)
-    draft = draft_of(robot, anatomy(robot, hints), options)
+    with tempfile.TemporaryDirectory() as scratch:
+        robot = _read(urdf or source, Path(scratch) / "arm", root)
+        if options.gripper is not None:
+            robot = joined(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
+        draft = draft_of(robot, anatomy(robot, hints), options)
     write_robot(draft, directory)
     return directory
+
+
+def _read(source: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
+    if source.suffix in MJCF and source.is_file():
+        scratch.mkdir()
+        return read_mjcf(source, scratch, root)
+    return read_urdf(find_urdf(source), root)
 
 
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:

@@ -124,7 +124,7 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
         raise UrdfError(f"{path}: has {len(elements)} links; a robot has at most {MAX_LINKS}")
-    folders = _mesh_folders(path, root)
+    folders = mesh_folders(path, root)
     paints = {m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)}
     links = {_name(e, path): _link(e, path, folders, paints) for e in elements}
     joints: dict[str, Joint] = {}
@@ -144,7 +144,8 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     return UrdfRobot(path, links, joints, mimics)
 
 
-def _parse(path: Path) -> etree._Element:
+def parse_xml(path: Path) -> etree._Element:
+    """The root element of a file. Raises UrdfError for one that is too large, broken, or has a document type."""
     if path.stat().st_size > MAX_URDF_BYTES:
         raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a URDF has at most {MAX_URDF_BYTES}")
     try:
@@ -153,6 +154,11 @@ def _parse(path: Path) -> etree._Element:
         raise UrdfError(f"{path}: not readable as XML ({' '.join(str(error).split())})") from error
     if root.getroottree().docinfo.doctype:
         raise UrdfError(f"{path}: declares a document type, which no URDF needs; remove its <!DOCTYPE ...>")
+    return root
+
+
+def _parse(path: Path) -> etree._Element:
+    root = parse_xml(path)
     elements = list(root.iter(etree.Element))
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
         raise UrdfError(f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro > out.urdf`")
@@ -259,7 +265,7 @@ def _number(e: etree._Element | None, key: str) -> float:
     return 0.0 if e is None else float(e.get(key, 0.0))
 
 
-def _mesh_folders(urdf: Path, root: Path | None) -> list[Path]:
+def mesh_folders(urdf: Path, root: Path | None) -> list[Path]:
     """Where meshes may lie: the folder of the URDF and those above it, up to `root`."""
     above = list(urdf.resolve().parents)
     if root is None or not root.is_dir():
@@ -280,12 +286,13 @@ def _mesh_file(name: str, urdf: Path, folders: list[Path]) -> Path:
         if candidate.is_file():
             if not candidate.resolve().is_relative_to(folder):
                 raise UrdfError(f"{candidate}: a link to a file outside of {folder}; copy the mesh there")
-            _check_mesh_file(candidate)
+            check_mesh(candidate)
             return candidate
     raise UrdfError(f"{where} was not found next to it or in {folders[-1]}")
 
 
-def _check_mesh_file(path: Path) -> None:
+def check_mesh(path: Path) -> None:
+    """Raise UrdfError for a mesh file that is too large, or a pointer of Git LFS."""
     if path.stat().st_size > MAX_MESH_BYTES:
         raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a mesh may have {MAX_MESH_BYTES}")
     with open(path, "rb") as f:
