@@ -63,8 +63,9 @@ def add_robot(source: Path, options: Options) -> Path:
         raise RobotError(f"--name {name}: a robot of this name exists; choose another")
     if (directory / TOML).exists():
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
-    if not source.exists():
-        raise RobotError(f"{source}: is neither a URDF, nor an MJCF, nor a directory")
+    for given in (source, options.gripper or source):
+        if not given.exists():
+            raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
     hints, urdf = Hints(options.base, options.jaw), None
     if source.is_dir() and (source / CONFIG).is_file():
         urdf, hints = read_config(source, options.base)

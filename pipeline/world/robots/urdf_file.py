@@ -243,8 +243,8 @@ def _joint(e: etree._Element, path: Path) -> Joint:
 
 def _name(e: etree._Element, path: Path) -> str:
     name = e.get("name", "")
-    if not name or len(name) > MAX_NAME:
-        raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name")
+    if not name or len(name) > MAX_NAME or set(name) & set("/\\"):  # files of a robot's directory are named after links
+        raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name without slashes")
     return name
 
 
