@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.names import NONE, is_name
-from pipeline.poses import compose, from_matrix, pose, quat_rotate
+from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.run.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.run.robots.config_yml import CONFIG, read_config
 from pipeline.run.robots.join import joined
@@ -24,7 +24,7 @@ from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.meshes import load_visual
 from pipeline.world.robots.notation import wrist_camera
 from pipeline.world.robots.pairs import ALIASES, MODELS
-from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, find_urdf, read_urdf
+from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, read_urdf
 
 FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
 SPEED, EFFORT = 2.0, 50.0  # what is used for a joint whose limits are missing or placeholders
@@ -83,7 +83,18 @@ def _read(source: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
     if source.suffix in MJCF and source.is_file():
         scratch.mkdir()
         return read_mjcf(source, scratch, root)
-    return read_urdf(find_urdf(source), root)
+    return read_urdf(_find_urdf(source), root)
+
+
+def _find_urdf(given: Path) -> Path:
+    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
+    if given.is_file():
+        return given
+    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
+    if len(found) != 1:
+        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
+        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
+    return found[0]
 
 
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
@@ -92,7 +103,7 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(_joint(joint, joint.name in driven, parts) for joint in parts.joints)
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
-    tcp = from_matrix(_matrix(approach, opening, position))
+    tcp = frame(position, approach, opening)
     first = next(j for j in joints if j.name in parts.jaws)
     hinged = first.kind == "revolute"
     travel = abs(parts.jaws[first.name][1] - parts.jaws[first.name][0])
@@ -133,15 +144,6 @@ def _upright(arm: Arm, site: Site, opening: np.ndarray) -> np.ndarray:
     hand = arm_poses(replace(arm, base=site.base["left"]), site.home["left"])[arm.hand]
     above = quat_rotate(compose(hand, arm.tcp)[3:], [0.0, 0.0, 1.0])[2] >= -0.01
     return opening if above else -opening
-
-
-def _matrix(approach: np.ndarray, opening: np.ndarray, position: np.ndarray) -> np.ndarray:
-    out = np.eye(4)
-    y = opening - approach * (approach @ opening)
-    out[:3, 0], out[:3, 1] = approach / np.linalg.norm(approach), y / np.linalg.norm(y)
-    out[:3, 2] = np.cross(out[:3, 0], out[:3, 1])
-    out[:3, 3] = position
-    return out
 
 
 def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:

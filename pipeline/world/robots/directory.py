@@ -15,17 +15,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.parsing import LARGEST_FILE, bounded, shown
+from pipeline.poses import frame
 from pipeline.world.glb import GlbError, read_glb
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
-from pipeline.world.robots.notation import HEAD_CAMERA, box, tool_frame, wrist_camera
-from pipeline.world.robots.stands import Stand, pedestal
+from pipeline.world.robots.notation import HEAD_CAMERA, Triple, box, wrist_camera
+from pipeline.world.robots.stands import Stand
 from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 from pipeline.world.shapes import Collider, Parts
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
 
-type Triple = tuple[float, float, float]
 type BySide[T] = dict[str, T]
 
 
@@ -115,10 +115,7 @@ class RobotToml(_Table):
 
 
 class Model:
-    """A robot of a directory. `settings` are read at once; links and joints when an arm is first asked for.
-
-    `original` gives the bases (m, world frame) of the original system by side, where they are others than ours.
-    """
+    """A robot of a directory. `settings` are read at once; links and joints when an arm is first asked for."""
 
     def __init__(self, directory: Path, name: str | None = None) -> None:
         """Raises RobotError for a `robot.toml` that is missing or wrong."""
@@ -126,18 +123,12 @@ class Model:
         self.name = name or directory.name
         self.settings = read_settings(directory)
         self.aliases = self.settings.aliases
-        self.original = self.settings.original
 
     def arm(self, side: str) -> Arm:
         """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that cannot be used."""
         settings, place = self.settings, self.settings.place[side]
         base = np.array([*place.position, *place.quaternion])
         return replace(self._arm, base=base, home=settings.home[side])
-
-    def stand(self, side: str) -> Stand:
-        """What stands under one arm."""
-        x, y, z = self.arm(side).base[:3].tolist()
-        return pedestal((x, y, z), self.settings.foot)
 
     def body(self) -> Stand | None:
         """The body that carries both arms, instead of two stands, if both are this model; None if there is none."""
@@ -150,7 +141,7 @@ class Model:
     def _arm(self) -> Arm:
         settings = self.settings
         robot = read_urdf(self.directory / URDF, self.directory)
-        tcp = tool_frame(settings.tcp.position, settings.tcp.approach, _across(settings.tcp))
+        tcp = frame(settings.tcp.position, settings.tcp.approach, settings.tcp.opening)
         camera = settings.camera
         jaws = settings.gripper
         joints = tuple(_limited(joint, settings.limits.get(joint.name)) for joint in robot.parent_joint.values())
@@ -212,12 +203,6 @@ def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
         path.append(robot.parent_joint[hand])
         hand = path[-1].parent
     return path[::-1]
-
-
-def _across(tcp: Tcp) -> Triple:
-    # `tool_frame` takes the side of the wrist camera: x (approach) cross y (opening)
-    x, y, z = np.cross(tcp.approach, tcp.opening).tolist()
-    return x, y, z
 
 
 def _limited(joint: Joint, limit: Limit | None) -> Joint:

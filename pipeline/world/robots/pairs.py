@@ -45,10 +45,10 @@ def register_all(folder: Path) -> None:
 def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]:
     """An arm and what stands under it; its base where the original system has it, turned as ours is, for that layout."""
     arm = model.arm(side)
-    if layout == "original" and model.original is not None:
-        place = model.original[side]
-        return replace(arm, base=np.concatenate([place, arm.base[3:]])), pedestal(place, model.settings.foot)
-    return arm, model.stand(side)
+    if layout == "original" and model.settings.original is not None:
+        arm = replace(arm, base=np.concatenate([model.settings.original[side], arm.base[3:]]))
+    x, y, z = arm.base[:3].tolist()
+    return arm, pedestal((x, y, z), model.settings.foot)
 
 
 def pair(left: Model | None, right: Model | None, layout: Layout = "ours") -> Embodiment:

@@ -103,17 +103,6 @@ class UrdfRobot:
         return found
 
 
-def find_urdf(given: Path) -> Path:
-    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
-    if given.is_file():
-        return given
-    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
-    if len(found) != 1:
-        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
-        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
-    return found[0]
-
-
 def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     """Read a plain URDF whose meshes lie below the folder `root`, by default the second one above the URDF's.
 
@@ -127,6 +116,9 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     folders = mesh_folders(path, root)
     paints = {m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)}
     links = {_name(e, path): _link(e, path, folders, paints) for e in elements}
+    names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
+    for tag, name in {x for x in names if names.count(x) > 1}:
+        raise UrdfError(f"{path}: two {tag}s are named {name!r}: give each its own name")
     joints: dict[str, Joint] = {}
     mimics: dict[str, Mimic] = {}
     for element in document.findall("joint"):

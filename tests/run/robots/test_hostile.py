@@ -57,6 +57,8 @@ def refused(tmp_path, source, *options) -> str:
         ('type="prismatic"', 'type="fixed"', "has no gripper"),
         ('lower="0" upper="0.03"', 'lower="0" upper="0"', "joint 'jaw_a' of the gripper needs limits lower < upper"),
         ('name="j2"', 'name=""', "give it a short name"),
+        ('name="j2"', 'name="j1"', "two joints are named 'j1': give each its own name"),
+        ('link name="upper"', 'link name="lower"', "two links are named 'lower': give each its own name"),
         ('"upper"', '"../../../upper"', "give it a short name without slashes"),
     ],
 )
