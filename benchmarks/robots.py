@@ -1,4 +1,4 @@
-"""Robots of others, added from files in published wheels: seconds and lines of toml for each, and what it accepts at level 1.
+"""Robots of others, added from files in published wheels: CPU seconds and lines of toml for each, and what it accepts at level 1.
 
 python -m benchmarks.robots --cache DIR --to LAB --layouts 3
 
@@ -119,16 +119,16 @@ def main() -> None:
     given = parser.parse_args()
     tasks, chosen = given.tasks.split(","), [s for s in SOURCES if s.name in given.robots.split(",")]
     added: list[str] = []
-    print("| robot | file | add (s) | lines of robot.toml |\n|---|---|---:|---:|", flush=True)
+    print("| robot | file | add (CPU s) | lines of robot.toml |\n|---|---|---:|---:|", flush=True)
     for source in chosen:
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             directory = add(source, given.cache, given.to)
         except DominoError as error:
             print(f"| {source.name} | `{source.arm.name}` | refused: {str(error).rpartition('/')[2]} | |", flush=True)
             continue
         lines = len((directory / "robot.toml").read_text().splitlines())
-        print(f"| {source.name} | `{source.arm.name}` | {time.perf_counter() - began:.1f} | {lines} |", flush=True)
+        print(f"| {source.name} | `{source.arm.name}` | {time.process_time() - began:.1f} | {lines} |", flush=True)
         register(directory)
         added += source.embodiments
     print(f"\n| embodiment | {' | '.join(tasks)} | accepted |\n|---|{'---:|' * (len(tasks) + 1)}", flush=True)

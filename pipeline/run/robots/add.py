@@ -15,7 +15,7 @@ from pipeline.run.robots.config_yml import CONFIG, read_config
 from pipeline.run.robots.join import joined
 from pipeline.run.robots.mjcf import MJCF, read_mjcf
 from pipeline.run.robots.place import Site, find_site, overlaps
-from pipeline.run.robots.simplify import pieces
+from pipeline.run.robots.simplify import Pieces
 from pipeline.run.robots.write import Draft, write_robot
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
@@ -99,7 +99,8 @@ def _find_urdf(given: Path) -> Path:
 
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
     """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
-    links = tuple(_link(robot, name) for name in parts.links)
+    pieces = Pieces()
+    links = tuple(_link(robot, name, pieces) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(_joint(joint, joint.name in driven, parts) for joint in parts.joints)
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
@@ -161,9 +162,9 @@ def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
-def _link(robot: UrdfRobot, name: str) -> Link:
+def _link(robot: UrdfRobot, name: str, pieces: Pieces) -> Link:
     link = robot.links[name]
-    solids = pieces(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
+    solids = pieces.of(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
     mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
     x, y, z = com.tolist()

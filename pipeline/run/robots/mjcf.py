@@ -144,7 +144,7 @@ class _Tree:
 
     def _shape(self, geom: int, back: Pose) -> UrdfShape | None:
         """A geom as a mesh file in the link's frame; None for planes and height fields."""
-        model, size = self.model, self.model.geom_size[geom].tolist()
+        model, size, mesh_id = self.model, self.model.geom_size[geom].tolist(), None
         match int(model.geom_type[geom]):
             case 2:
                 mesh = trimesh.creation.icosphere(subdivisions=3, radius=size[0])
@@ -157,10 +157,13 @@ class _Tree:
             case 6:
                 mesh = trimesh.creation.box(2 * np.array(size))
             case 7:
-                mesh = self._mesh(int(model.geom_dataid[geom]))
+                mesh_id = int(model.geom_dataid[geom])
+                mesh = self._mesh(mesh_id)
             case _:
                 return None
-        file = self.scratch / f"geom_{geom}.stl"
+        # meshes that several geoms have are one file, which is cut once
+        kind = f"geom_{geom}" if mesh_id is None else f"mesh_{mesh_id}"
+        file = self.scratch / f"{kind}.stl"
         mesh.export(file)
         r, g, b = np.clip(self._rgba(geom)[:3], 0, 1).tolist()
         origin = compose(back, pose(model.geom_pos[geom], model.geom_quat[geom]))
