@@ -101,7 +101,9 @@ def _coacd():
             "resolution": how.resolution,
             "mcts_iterations": how.iterations,
             "preprocess_mode": "auto" if how.tidy else "off",
-        } | ({"mcts_nodes": 8, "mcts_max_depth": 2} if how.tidy else {})
+            "mcts_nodes": 8,
+            "mcts_max_depth": 2,
+        }
         return [np.asarray(vertices, float) for vertices, _ in coacd.run_coacd(given, seed=0, **options)]
 
     return cut
