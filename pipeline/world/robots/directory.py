@@ -122,7 +122,6 @@ class Model:
         self.directory = directory
         self.name = name or directory.name
         self.settings = read_settings(directory)
-        self.aliases = self.settings.aliases
 
     def arm(self, side: str) -> Arm:
         """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that cannot be used."""
@@ -217,18 +216,15 @@ def _link(directory: Path, name: str, link: UrdfLink) -> Link:
 
 def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
     parts, others = [], []
-    for shape in visuals:
+    for shape, file in ((s, s.file) for s in visuals if s.file is not None):
         try:
-            if shape.file is not None and shape.file.suffix == ".glb":
-                parts += read_glb(shape.file)
-                continue
+            parts += read_glb(file)
         except GlbError:
-            pass
-        others.append(shape)
+            others.append(shape)
     if others:
         from pipeline.world.robots.meshes import load_visual  # trimesh takes longer than the rest of a robot
 
-        parts += load_visual([shape for shape in others if shape.file is not None])
+        parts += load_visual(others)
     return tuple(parts)
 
 
