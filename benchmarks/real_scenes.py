@@ -1,7 +1,7 @@
 """One picture of vendors' robots that catch objects of others: `python -m benchmarks.real_scenes LAB OUT.jpg [--frames DIR]`.
 
 LAB is the directory of plugins that `benchmarks.robots` and `benchmarks.real_objects` filled (`--to LAB`).
-With `--frames` each scene is also written as PNG files of 640x480: from across the table, and from the head camera.
+With `--frames` each scene is also written as PNG files of 640x480: from across the table, close to the hand, by the head camera.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figures import labelled, scaled
-from pipeline.data.cameras import CameraType
+from pipeline.data.cameras import CameraType, framed
 from pipeline.data.names import CAMERAS
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
@@ -21,12 +21,13 @@ from pipeline.run.names import resolve
 from pipeline.run.plugins import load_plugins, use_plugins
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
-from pipeline.stages.redraw import facing
+from pipeline.stages.redraw import FACING, FILMED, facing
 from pipeline.stages.render import appearance_of, render
 
 AFTER = 0.6  # s after the meeting: the hand has closed and lifts
 HEAD = CameraType(640, 480, 37.0)
-ACROSS, WIDTH, SEEDS = 4, 400, 6
+CLOSE = (-0.17, 0.17)  # m to each side of the object
+ACROSS, WIDTH, SEEDS = 4, 320, 6
 
 type Image = NDArray[np.uint8]
 
@@ -46,7 +47,7 @@ CATCHES = (
     Catch("kinova3-robotiq", "milk", "pill_bottle", "move_pillbottle_pad"),
     Catch("xarm7-robotiq", "soda_can", "can", "place_can_basket"),
     Catch("ms-panda", "bread_loaf", "bread", "place_bread_basket"),
-    Catch("ur5e-robotiq", "cereal", "playing_cards", "move_playingcard_away"),
+    Catch("ur5e-robotiq", "apple", "bread", "place_bread_basket"),
     Catch("kinova3-robotiq", "duck", "playing_cards", "move_playingcard_away"),
     Catch("xarm7-robotiq", "glass_bottle", "lying_bottle", "adjust_bottle"),
     Catch("ms-panda", "lego_brick", "playing_cards", "move_playingcard_away"),
@@ -64,15 +65,17 @@ def caught(one: Catch, level: int = 1, alpha: float = 0.1) -> Rollout | None:
     return None
 
 
-def images(rollout: Rollout) -> list[Image]:
-    """Images (480,640,3) just after the meeting: from across the table, and from the head camera."""
+def images(rollout: Rollout) -> dict[str, Image]:
+    """Images (480,640,3) just after the meeting, by name: from across the table, close to the hand, by the head camera."""
     scene, log = rollout.scene, rollout.replay.log
     appearance = appearance_of(scene)
     head = next(camera for camera in appearance.cameras if camera.name == CAMERAS["head"])
-    cameras = (facing(log, scene.task.target), replace(head, type=HEAD))
     frame = min(int(np.searchsorted(log.times, rollout.meeting + AFTER)), len(log) - 1)
+    around = log.pose(scene.task.target)[frame, :3] + [(x, y, z) for x in CLOSE for y in CLOSE for z in (-0.1, 0.26)]
+    close = replace(facing(log, scene.task.target), name="close", pose=framed(around, FACING, FILMED, 0.0))
+    cameras = (facing(log, scene.task.target), close, replace(head, type=HEAD))
     views = render(replace(appearance, cameras=cameras, preset="raster-smooth"), log, frames=[frame])
-    return [view.rgb[0] for view in views]
+    return dict(zip(("across", "close", "head"), (view.rgb[0] for view in views), strict=True))
 
 
 def save(path: Path, image: Image, *options: int) -> None:
@@ -97,13 +100,13 @@ def main() -> None:
         if rollout is None:
             print(f"left out: {one.robot} with {one.name}", flush=True)
             continue
-        across, head = images(rollout)
-        if given.frames is not None:
-            save(given.frames / f"{one.robot}_{one.name}_across.png", across)
-            save(given.frames / f"{one.robot}_{one.name}_head.png", head)
-        panels.append(labelled(scaled(across, WIDTH), f"{one.robot}: {one.name.replace('_', ' ')}"))
+        seen = images(rollout)
+        for name, image in seen.items() if given.frames is not None else ():
+            save(given.frames / f"{one.robot}_{one.name}_{name}.png", image)
+        across = labelled(scaled(seen["across"], WIDTH), f"{one.robot}: {one.name.replace('_', ' ')}")
+        panels.append(np.vstack([across, scaled(seen["close"], WIDTH)]))
     rows = [np.hstack(panels[k : k + ACROSS]) for k in range(0, len(panels) // ACROSS * ACROSS, ACROSS)]
-    save(given.out, np.vstack(rows), cv2.IMWRITE_JPEG_QUALITY, 84)
+    save(given.out, np.vstack(rows), cv2.IMWRITE_JPEG_QUALITY, 82)
 
 
 if __name__ == "__main__":
