@@ -49,7 +49,7 @@ CATCHES = (
     Catch("ms-panda", "bread_loaf", "bread", "place_bread_basket"),
     Catch("ur5e-robotiq", "apple", "bread", "place_bread_basket"),
     Catch("kinova3-robotiq", "duck", "playing_cards", "move_playingcard_away"),
-    Catch("xarm7-robotiq", "glass_bottle", "lying_bottle", "adjust_bottle"),
+    Catch("xarm7-robotiq", "cereal", "playing_cards", "move_playingcard_away"),
     Catch("ms-panda", "lego_brick", "playing_cards", "move_playingcard_away"),
 )
 
