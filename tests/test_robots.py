@@ -97,7 +97,7 @@ def six(tmp_path, monkeypatch):
     robots._build.cache_clear()
     yield tmp_path / "mine"
     if "six" in MODELS:
-        for alias in MODELS.remove("six").aliases:
+        for alias in MODELS.remove("six").settings.aliases:
             del ALIASES[alias]
 
 

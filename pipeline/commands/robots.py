@@ -15,17 +15,19 @@ robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
 
 @robots_app.command("add", cls=BoundedCommand)
 def add(
-    source: Annotated[Path, typer.Argument(help="A URDF, a directory with one, or an embodiment directory of RoboTwin.")],
+    source: Annotated[Path, typer.Argument(help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")],
     name: Annotated[str, typer.Option(help="Name of the robot, e.g. xarm6.")],
     to: Annotated[Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")] = Path("plugins"),
     base: Annotated[str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")] = None,
     jaw: Annotated[str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")] = None,
     licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
+    gripper: Annotated[Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")] = None,
+    flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
 ) -> None:
-    """Make a robot from a vendor's URDF: find its arm, hand and jaws, a place and a rest configuration."""
+    """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
     from pipeline.run.robots.add import Options, add_robot, notes
 
-    directory = add_robot(source, Options(name, to, base, jaw, licence))
+    directory = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange))
     print("\n".join(notes(directory)))
 
 

@@ -16,7 +16,7 @@ from scripts.robot_looks.kit import (
     CHARCOAL,
     RUBBER,
     SILVER,
-    Visual,
+    Parts,
     block,
     depth_camera,
     housing,
@@ -44,7 +44,7 @@ class ColorScheme:
 
 def arx_visuals(
     origins: Sequence[Triple], jaws: Sequence[Triple], finger_end: float, camera: Pose, scheme: ColorScheme
-) -> dict[str, Visual]:
+) -> dict[str, Parts]:
     """Visuals by link name: six joint origins (m), two jaw origins in link6, finger end along link6 x, camera in link6."""
     shoulder, elbow, wrist, yaw, roll = origins[1:]
     x, y, z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
@@ -177,7 +177,7 @@ def arx_visuals(
     }
 
 
-def _finger(origin: Triple, end: float, side: float, scheme: ColorScheme) -> Visual:
+def _finger(origin: Triple, end: float, side: float, scheme: ColorScheme) -> Parts:
     """Carriage, a finger that tapers towards its end, and a rubber pad whose face is the collision pad's."""
     base, tip = -0.007, end - origin[0]
 

@@ -10,7 +10,7 @@ from scripts.robot_looks.kit import (
     GREY,
     RUBBER,
     WHITE,
-    Visual,
+    Parts,
     block,
     camera_rod,
     depth_camera,
@@ -28,7 +28,7 @@ R = 0.0545  # tube radius, m
 IN_YZ = (0.5, 0.5, 0.5, 0.5)
 
 
-def panda_visuals(camera: Pose) -> dict[str, Visual]:
+def panda_visuals(camera: Pose) -> dict[str, Parts]:
     """Visuals by link name; `camera` is the wrist camera's pose in the hand frame."""
     return {
         "panda_link0": painted(
@@ -160,7 +160,7 @@ def _hand() -> Mesh:
     return plate(outline, 0.062, pose((-0.031, 0, 0), IN_YZ), 0.006)
 
 
-def _finger(side: float) -> Visual:
+def _finger(side: float) -> Parts:
     """Finger drawn in (y, z) of its frame; the pad's face is the collision pad's."""
     outline = [(0.0006, 0.036), (0.0006, 0.0545), (0.009, 0.0545), (0.0152, 0.046), (0.022, 0.034), (0.0265, 0.02), (0.0265, 0.0)]
     outline += [(0.006, 0.0), (0.006, 0.025)]

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.poses import Pose, pose, quat_from_matrix, transform
 from pipeline.world.objects import geometry
-from pipeline.world.robots.parts import CHARCOAL, GREY, SILVER, Visual, block, painted
-from pipeline.world.shapes import Material, Mesh
+from pipeline.world.robots.stands import CHARCOAL, GREY, SILVER, block, painted
+from pipeline.world.shapes import Material, Mesh, Parts
 
 BLACK = Material((0.075, 0.078, 0.085), roughness=0.45)
 WHITE = Material((0.93, 0.93, 0.92), roughness=0.4)
@@ -69,7 +69,7 @@ def link_outline(a: Sequence[float], b: Sequence[float], ra: float, rb: float, n
     return np.array(near + far)
 
 
-def depth_camera(place: Pose, width: float = 0.09) -> Visual:
+def depth_camera(place: Pose, width: float = 0.09) -> Parts:
     """A D435-like camera whose colour lens is at `place` (x forward, y left); the body stays behind the lens plane."""
     body = block((-0.027, -width / 2 - 0.0175, -0.0125), (-0.003, width / 2 - 0.0175, 0.0125), 0.004)
     front = block((-0.0035, -width / 2 - 0.012, -0.009), (-0.0025, width / 2 - 0.023, 0.009))
@@ -101,7 +101,7 @@ __all__ = [
     "RUBBER",
     "SILVER",
     "WHITE",
-    "Visual",
+    "Parts",
     "block",
     "camera_rod",
     "depth_camera",

@@ -10,7 +10,7 @@ from scripts.robot_looks.kit import (
     RUBBER,
     SILVER,
     WHITE,
-    Visual,
+    Parts,
     block,
     camera_rod,
     depth_camera,
@@ -27,7 +27,7 @@ X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 IN_YZ = (0.5, 0.5, 0.5, 0.5)
 
 
-def piper_visuals(camera: Pose) -> dict[str, Visual]:
+def piper_visuals(camera: Pose) -> dict[str, Parts]:
     """Visuals by link name; `camera` is the wrist camera's pose in link6."""
     elbow = np.array([0.28358, 0.028726, 0.0])
     return {
@@ -124,7 +124,7 @@ def piper_visuals(camera: Pose) -> dict[str, Visual]:
     }
 
 
-def _finger(side: float) -> Visual:
+def _finger(side: float) -> Parts:
     """Jaw in its own frame: y along the finger (from -0.0695 to 0.005 for link7), pad face at z = 0, body towards -z."""
 
     def drawn(points: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from scripts.robot_looks.kit import (
     CHARCOAL,
     RUBBER,
     SILVER,
-    Visual,
+    Parts,
     block,
     camera_rod,
     depth_camera,
@@ -27,7 +27,7 @@ BACK = (0, -1, 0)
 DOWN = (0, 0, -1)
 
 
-def ur5_visuals(camera: Pose) -> dict[str, Visual]:
+def ur5_visuals(camera: Pose) -> dict[str, Parts]:
     """Visuals by link name; `camera` is the wrist camera's pose in wsg_50_base_link."""
     return {
         "base_link": painted(
@@ -121,11 +121,11 @@ def _cap(start, axis, radius: float) -> Mesh:
     return lathe(start, axis, [(0, 0), (radius, 0), (radius, 0.005), (0.86 * radius, 0.0115), (0, 0.013)])
 
 
-def _carriage() -> Visual:
+def _carriage() -> Parts:
     return painted((SILVER, [block((-0.018, -0.0142, 0.0594), (0, 0.0142, 0.0965), 0.002)]))
 
 
-def _finger() -> Visual:
+def _finger() -> Parts:
     """An L of aluminium and a rubber pad whose face is the collision pad's; both jaws use it, the right one turned by pi."""
     outline = [(-0.02, 0.0575), (0.0, 0.0575), (0.0015, 0.08), (0.0015, 0.1305), (-0.005, 0.1305), (-0.011, 0.095), (-0.02, 0.08)]
     # drawn in (x, z): a quarter turn about x carries the outline's y to z and the thickness to -y

@@ -1,6 +1,7 @@
-"""`domino-data robots add`: a vendor's URDF becomes a robot's directory."""
+"""`domino-data robots add`: a vendor's URDF or MJCF becomes a robot's directory."""
 
 import re
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.names import NONE, is_name
-from pipeline.poses import compose, from_matrix, pose, quat_rotate
+from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.run.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.run.robots.config_yml import CONFIG, read_config
+from pipeline.run.robots.join import joined
+from pipeline.run.robots.mjcf import MJCF, read_mjcf
 from pipeline.run.robots.place import Site, find_site, overlaps
-from pipeline.run.robots.simplify import pieces
+from pipeline.run.robots.simplify import Pieces
 from pipeline.run.robots.write import Draft, write_robot
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
@@ -21,7 +24,7 @@ from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.meshes import load_visual
 from pipeline.world.robots.notation import wrist_camera
 from pipeline.world.robots.pairs import ALIASES, MODELS
-from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, find_urdf, read_urdf
+from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, read_urdf
 
 FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
 SPEED, EFFORT = 2.0, 50.0  # what is used for a joint whose limits are missing or placeholders
@@ -34,19 +37,24 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 @dataclass(frozen=True)
 class Options:
-    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence."""
+    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence.
+
+    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it.
+    """
 
     name: str
     to: Path
     base: str | None = None
     jaw: str | None = None
     licence: str = "unknown"
+    gripper: Path | None = None
+    flange: str | None = None
 
 
 def add_robot(source: Path, options: Options) -> Path:
-    """Write the directory of a robot from a URDF, a directory with one, or an embodiment directory of RoboTwin; the directory.
+    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
 
-    Raises RobotError and UrdfError, one line each; nothing is written then.
+    Returns the directory. Raises RobotError and UrdfError, one line each; nothing is written then.
     """
     name, directory = options.name, options.to / "robots" / options.name
     if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
@@ -55,25 +63,48 @@ def add_robot(source: Path, options: Options) -> Path:
         raise RobotError(f"--name {name}: a robot of this name exists; choose another")
     if (directory / TOML).exists():
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
-    if not source.exists():
-        raise RobotError(f"{source}: is neither a URDF nor a directory")
+    for given in (source, options.gripper or source):
+        if not given.exists():
+            raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
     hints, urdf = Hints(options.base, options.jaw), None
     if source.is_dir() and (source / CONFIG).is_file():
         urdf, hints = read_config(source, options.base)
     root = source if source.is_dir() else None
-    robot = read_urdf(urdf or find_urdf(source), root)
-    draft = draft_of(robot, anatomy(robot, hints), options)
+    with tempfile.TemporaryDirectory() as scratch:
+        robot = _read(urdf or source, Path(scratch) / "arm", root)
+        if options.gripper is not None:
+            robot = joined(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
+        draft = draft_of(robot, anatomy(robot, hints), options)
     write_robot(draft, directory)
     return directory
 
 
+def _read(source: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
+    if source.suffix in MJCF and source.is_file():
+        scratch.mkdir()
+        return read_mjcf(source, scratch, root)
+    return read_urdf(_find_urdf(source), root)
+
+
+def _find_urdf(given: Path) -> Path:
+    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
+    if given.is_file():
+        return given
+    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
+    if len(found) != 1:
+        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
+        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
+    return found[0]
+
+
 def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
     """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
-    links = tuple(_link(robot, name) for name in parts.links)
+    pieces = Pieces()
+    links = tuple(_link(robot, name, pieces) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(_joint(joint, joint.name in driven, parts) for joint in parts.joints)
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
-    tcp = from_matrix(_matrix(approach, opening, position))
+    tcp = frame(position, approach, opening)
     first = next(j for j in joints if j.name in parts.jaws)
     hinged = first.kind == "revolute"
     travel = abs(parts.jaws[first.name][1] - parts.jaws[first.name][0])
@@ -116,15 +147,6 @@ def _upright(arm: Arm, site: Site, opening: np.ndarray) -> np.ndarray:
     return opening if above else -opening
 
 
-def _matrix(approach: np.ndarray, opening: np.ndarray, position: np.ndarray) -> np.ndarray:
-    out = np.eye(4)
-    y = opening - approach * (approach @ opening)
-    out[:3, 0], out[:3, 1] = approach / np.linalg.norm(approach), y / np.linalg.norm(y)
-    out[:3, 2] = np.cross(out[:3, 0], out[:3, 1])
-    out[:3, 3] = position
-    return out
-
-
 def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:
     """The joint with limits that can be used; one that nothing drives is fixed at 0."""
     if joint.kind == "fixed" or not driven:
@@ -140,9 +162,9 @@ def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
-def _link(robot: UrdfRobot, name: str) -> Link:
+def _link(robot: UrdfRobot, name: str, pieces: Pieces) -> Link:
     link = robot.links[name]
-    solids = pieces(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
+    solids = pieces.of(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
     mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
     x, y, z = com.tolist()

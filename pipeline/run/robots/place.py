@@ -11,6 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
@@ -25,6 +26,7 @@ HOME_IK = IkBudget(restarts=24, iterations=40, give_up_after=None)
 NEAR_CAMERA = 0.12
 SAMPLES = 20_000
 FAR = 6.0  # m: an arm there is in nobody's way
+ROOM = 0.04  # m between the arms at rest
 PLACES = tuple(product((0.25, 0.3, 0.38, 0.45), (-0.55, -0.45, -0.38), (0.55, 0.75, 0.85)))
 TRIED = 4  # of the places, measured by inverse kinematics
 HOMES = tuple(product((0.0, 0.06, -0.06), (-0.2, -0.12, -0.28), (1.0, 1.08, 0.94), (60.0, 75.0, 45.0)))
@@ -185,10 +187,10 @@ def find_site(arm: Arm) -> Site | None:
     best: tuple[float, Site] | None = None
     for place in ranked[:TRIED]:
         robot = stood(arm, place, yaw, (chain.lower + chain.upper) / 2)
-        homes = {side: _home(robot, side, q, tools) for side in robot.arms}
-        if any(home is None for home in homes.values()):
+        homes = _homes(robot, q, tools)
+        if homes is None:
             continue
-        arms = {s: replace(a, home=tuple(np.asarray(homes[s]).tolist())) for s, a in robot.arms.items()}
+        arms = {s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()}
         robot = replace(robot, arms=arms)
         reach = measure(robot, COARSE) if chain.dof >= 6 else None
         score = reach.score if reach is not None else _sample_reach(tools, place, yaw)
@@ -220,11 +222,21 @@ def _in_world(tools: Floats, base: Floats) -> Floats:
     return np.concatenate([transform(base, tools[:, :3]), quat_multiply(base[3:], tools[:, 3:])], axis=1)
 
 
-def _home(robot: Embodiment, side: str, q: Floats, tools: Floats) -> Floats | None:
-    """A configuration with the tool over the arm's own side of the table, pointing down, that touches nothing; or None.
+def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
+    """A configuration of each arm with the tool over its own side of the table, pointing down, that touch nothing; or None.
 
-    Of those found, the one farthest from its joint limits.
+    Of those found, the two farthest from their joint limits between which there is room.
     """
+    left, right = (_free_homes(robot, side, q, tools) for side in SIDES)
+    together = CollisionWorld(robot).with_objects(margin=ROOM)
+    pairs = sorted(product(range(len(left)), range(len(right))), key=sum)
+    apart = (k for k in pairs if together.first_blocked(left[k[0]], right[k[1]]) is None)
+    found = next(apart, None)
+    return None if found is None else {"left": left[found[0]], "right": right[found[1]]}
+
+
+def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[Floats]:
+    """Rest configurations of an arm by itself, those farthest from its joint limits first."""
     arm = robot.arms[side]
     chain = chain_of(arm)
     x = float(arm.base[0])
@@ -232,7 +244,7 @@ def _home(robot: Embodiment, side: str, q: Floats, tools: Floats) -> Floats | No
     away = replace(robot, arms={side: arm, other: replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))})
     free = CollisionWorld(replace(away, arms={s: away.arms[s] for s in ("left", "right")})).with_objects(margin=0.0)
     found = [row for row in _home_candidates(chain, x, q, _in_world(tools, arm.base)) if free.free(side, chain.home)(row)]
-    return max(found, key=lambda row: float(limit_margin(chain, row)), default=None)
+    return sorted(found, key=lambda row: -float(limit_margin(chain, row)))
 
 
 def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Convex collision pieces of a link's meshes: few, and with few corners, so that planning and physics stay fast."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from pipeline.poses import pose, transform
 from pipeline.world.robots.meshes import surface
 from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
 from pipeline.world.shapes import Collider
@@ -36,19 +37,25 @@ class Cut:
 LINK = Cut()
 
 
-def pieces(shapes: Sequence[UrdfShape]) -> tuple[Collider, ...]:
-    """The shapes of a link as convex pieces in its frame. Meshes far from convex are cut by coacd where it is installed.
+class Pieces:
+    """Convex pieces of shapes. A mesh far from convex is cut by coacd where that is installed, once for all links that have it."""
 
-    Raises UrdfError for a mesh that cannot be used.
-    """
-    found = []
-    for shape in shapes:
-        if shape.kind != "mesh":
-            found.append(Collider(shape.kind, shape.size, shape.origin))
-            continue
-        points, faces, _ = surface(shape)
-        found += [Collider("convex", (), vertices=corners(part)) for part in _convex(shape, points, faces)]
-    return tuple(found)
+    def __init__(self) -> None:
+        self._cut: dict[tuple[object, ...], list[Floats]] = {}
+
+    def of(self, shapes: Sequence[UrdfShape]) -> tuple[Collider, ...]:
+        """The shapes of a link as convex pieces in its frame. Raises UrdfError for a mesh that cannot be used."""
+        found = []
+        for shape in shapes:
+            if shape.kind != "mesh":
+                found.append(Collider(shape.kind, shape.size, shape.origin))
+                continue
+            key = shape.file, shape.scale
+            if key not in self._cut:
+                points, faces, _ = surface(replace(shape, origin=pose()))
+                self._cut[key] = [corners(part) for part in _convex(shape, points, faces)]
+            found += [Collider("convex", (), vertices=transform(shape.origin, part)) for part in self._cut[key]]
+        return tuple(found)
 
 
 def corners(points: Floats) -> Floats:
@@ -94,7 +101,9 @@ def _coacd():
             "resolution": how.resolution,
             "mcts_iterations": how.iterations,
             "preprocess_mode": "auto" if how.tidy else "off",
-        } | ({"mcts_nodes": 8, "mcts_max_depth": 2} if how.tidy else {})
+            "mcts_nodes": 8,
+            "mcts_max_depth": 2,
+        }
         return [np.asarray(vertices, float) for vertices, _ in coacd.run_coacd(given, seed=0, **options)]
 
     return cut

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.poses import IDENTITY, Pose
+from pipeline.poses import Pose
 from pipeline.world.shapes import Collider, Parts
 
 
@@ -140,6 +140,3 @@ def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> floa
         return value
     now = jaw_value(gripper, positions)
     return min(max(value, now - LEAD), now + LEAD)
-
-
-__all__ = ["IDENTITY", "Arm", "Embodiment", "Gripper", "Joint", "Link", "Mount", "coupled_value", "jaw_positions", "jaw_value"]

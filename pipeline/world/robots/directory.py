@@ -15,17 +15,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.keys import digest, file_hash
 from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
+from pipeline.poses import frame
 from pipeline.world.glb import GlbError, read_glb
 from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
-from pipeline.world.robots.notation import HEAD_CAMERA, box, tool_frame, wrist_camera
-from pipeline.world.robots.stands import Stand, pedestal
+from pipeline.world.robots.notation import HEAD_CAMERA, Triple, box, wrist_camera
+from pipeline.world.robots.stands import Stand
 from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 from pipeline.world.shapes import Collider, Parts
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
 
-type Triple = tuple[float, float, float]
 type BySide[T] = dict[str, T]
 
 
@@ -115,29 +115,19 @@ class RobotToml(_Table):
 
 
 class Model:
-    """A robot of a directory. `settings` are read at once; links and joints when an arm is first asked for.
-
-    `original` gives the bases (m, world frame) of the original system by side, where they are others than ours.
-    """
+    """A robot of a directory. `settings` are read at once; links and joints when an arm is first asked for."""
 
     def __init__(self, directory: Path, name: str | None = None) -> None:
         """Raises RobotError for a `robot.toml` that is missing or wrong."""
         self.directory = directory
         self.name = name or directory.name
         self.settings = read_settings(directory)
-        self.aliases = self.settings.aliases
-        self.original = self.settings.original
 
     def arm(self, side: str) -> Arm:
         """The left or right arm at its place. Raises RobotError, and UrdfError for a URDF that cannot be used."""
         settings, place = self.settings, self.settings.place[side]
         base = np.array([*place.position, *place.quaternion])
         return replace(self._arm, base=base, home=settings.home[side])
-
-    def stand(self, side: str) -> Stand:
-        """What stands under one arm."""
-        x, y, z = self.arm(side).base[:3].tolist()
-        return pedestal((x, y, z), self.settings.foot)
 
     def body(self) -> Stand | None:
         """The body that carries both arms, instead of two stands, if both are this model; None if there is none."""
@@ -150,7 +140,7 @@ class Model:
     def _arm(self) -> Arm:
         settings = self.settings
         robot = read_urdf(self.directory / URDF, self.directory)
-        tcp = tool_frame(settings.tcp.position, settings.tcp.approach, _across(settings.tcp))
+        tcp = frame(settings.tcp.position, settings.tcp.approach, settings.tcp.opening)
         camera = settings.camera
         jaws = settings.gripper
         joints = tuple(_limited(joint, settings.limits.get(joint.name)) for joint in robot.parent_joint.values())
@@ -216,12 +206,6 @@ def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
     return path[::-1]
 
 
-def _across(tcp: Tcp) -> Triple:
-    # `tool_frame` takes the side of the wrist camera: x (approach) cross y (opening)
-    x, y, z = np.cross(tcp.approach, tcp.opening).tolist()
-    return x, y, z
-
-
 def _limited(joint: Joint, limit: Limit | None) -> Joint:
     return joint if limit is None else replace(joint, **limit.model_dump(exclude_none=True))
 
@@ -234,18 +218,15 @@ def _link(directory: Path, name: str, link: UrdfLink) -> Link:
 
 def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
     parts, others = [], []
-    for shape in visuals:
+    for shape, file in ((s, s.file) for s in visuals if s.file is not None):
         try:
-            if shape.file is not None and shape.file.suffix == ".glb":
-                parts += read_glb(shape.file)
-                continue
+            parts += read_glb(file)
         except GlbError:
-            pass
-        others.append(shape)
+            others.append(shape)
     if others:
         from pipeline.world.robots.meshes import load_visual  # trimesh takes longer than the rest of a robot
 
-        parts += load_visual([shape for shape in others if shape.file is not None])
+        parts += load_visual(others)
     return tuple(parts)
 
 

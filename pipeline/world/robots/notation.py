@@ -1,4 +1,4 @@
-"""Frames of robots in short: URDF origins, the tool frame, the wrist camera, the head camera; and boxes between two corners."""
+"""Frames of robots in short: URDF origins, the wrist camera, the head camera; and boxes between two corners."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,11 +16,6 @@ Triple = tuple[float, float, float]
 def at(xyz: ArrayLike = (0, 0, 0), rpy: Triple = (0.0, 0.0, 0.0)) -> Pose:
     """Pose of a URDF `<origin xyz rpy>` (m, rad)."""
     return pose(xyz, quat_from_rpy(*rpy))
-
-
-def tool_frame(position: Triple, approach: Triple, up: Triple) -> Pose:
-    """Tool frame in the hand link: x along `approach`, z along `up` (the side of the wrist camera), y the opening direction."""
-    return frame(position, approach, np.cross(up, approach))
 
 
 def wrist_camera(tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55) -> Pose:

@@ -27,12 +27,12 @@ def register(directory: Path) -> Model:
     if known is not None and known.directory == directory:
         return known
     model = Model(directory)
-    for word in (model.name, *model.aliases):
+    for word in (model.name, *model.settings.aliases):
         if word in MODELS or word in ALIASES:
             raise RobotError(f"{directory / TOML}: another robot is called {word!r}; rename the directory or the alias")
         if word != word.strip().lower() or not word or any(c in word for c in "+_,/ ") or word == NONE:
             raise RobotError(f"{directory / TOML}: {word!r} is no name of a robot; use lower case and hyphens")
-    ALIASES.update(dict.fromkeys(model.aliases, model.name))
+    ALIASES.update(dict.fromkeys(model.settings.aliases, model.name))
     return MODELS.add(model.name, model)
 
 
@@ -45,10 +45,10 @@ def register_all(folder: Path) -> None:
 def _arm_and_stand(model: Model, side: str, layout: Layout) -> tuple[Arm, Stand]:
     """An arm and what stands under it; its base where the original system has it, turned as ours is, for that layout."""
     arm = model.arm(side)
-    if layout == "original" and model.original is not None:
-        place = model.original[side]
-        return replace(arm, base=np.concatenate([place, arm.base[3:]])), pedestal(place, model.settings.foot)
-    return arm, model.stand(side)
+    if layout == "original" and model.settings.original is not None:
+        arm = replace(arm, base=np.concatenate([model.settings.original[side], arm.base[3:]]))
+    x, y, z = arm.base[:3].tolist()
+    return arm, pedestal((x, y, z), model.settings.foot)
 
 
 def pair(left: Model | None, right: Model | None, layout: Layout = "ours") -> Embodiment:
@@ -72,5 +72,5 @@ def pair(left: Model | None, right: Model | None, layout: Layout = "ours") -> Em
         HEAD_CAMERA,
         tuple(part for visual, _ in parts for part in visual),
         tuple(piece for _, solid in parts for piece in solid),
-        twin.aliases if twin else (),
+        twin.settings.aliases if twin else (),
     )

@@ -1,8 +1,18 @@
 """What a single arm stands on: a plate on a column behind the table edge."""
 
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.world.objects import geometry
+from pipeline.world.objects.surface import join
 from pipeline.world.robots.notation import Triple, box
-from pipeline.world.robots.parts import CHARCOAL, GREY, SILVER, block, painted
-from pipeline.world.shapes import Collider, Parts
+from pipeline.world.shapes import Collider, Material, Mesh, Parts
+
+CHARCOAL = Material((0.17, 0.175, 0.185), roughness=0.5)
+GREY = Material((0.42, 0.43, 0.45), roughness=0.5)
+SILVER = Material((0.72, 0.73, 0.75), roughness=0.35, metallic=0.6)
 
 Stand = tuple[Parts, tuple[Collider, ...]]
 
@@ -29,3 +39,14 @@ def pedestal(base: Triple, half: float) -> Stand:
         box((x - half, column_y - half, 0), (x + half, column_y + half, z - 0.018)),
     )
     return visual, solid
+
+
+def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
+    """Box between two corners (m) with chamfered edges."""
+    a, b = np.asarray(lower, float), np.asarray(upper, float)
+    return geometry.at(geometry.box(*((b - a) / 2), bevel=bevel), (a + b) / 2)
+
+
+def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
+    """One joined mesh per material: fewer draw calls than one per part."""
+    return tuple((join(*meshes), material) for material, meshes in ((m, tuple(g)) for m, g in groups) if meshes)

@@ -103,17 +103,6 @@ class UrdfRobot:
         return found
 
 
-def find_urdf(given: Path) -> Path:
-    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
-    if given.is_file():
-        return given
-    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
-    if len(found) != 1:
-        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
-        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
-    return found[0]
-
-
 def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     """Read a plain URDF whose meshes lie below the folder `root`, by default the second one above the URDF's.
 
@@ -124,9 +113,12 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
         raise UrdfError(f"{path}: has {len(elements)} links; a robot has at most {MAX_LINKS}")
-    folders = _mesh_folders(path, root)
+    folders = mesh_folders(path, root)
     paints = {m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)}
     links = {_name(e, path): _link(e, path, folders, paints) for e in elements}
+    names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
+    for tag, name in {x for x in names if names.count(x) > 1}:
+        raise UrdfError(f"{path}: two {tag}s are named {name!r}: give each its own name")
     joints: dict[str, Joint] = {}
     mimics: dict[str, Mimic] = {}
     for element in document.findall("joint"):
@@ -144,7 +136,8 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     return UrdfRobot(path, links, joints, mimics)
 
 
-def _parse(path: Path) -> etree._Element:
+def parse_xml(path: Path) -> etree._Element:
+    """The root element of a file. Raises UrdfError for one that is too large, broken, or has a document type."""
     if path.stat().st_size > MAX_URDF_BYTES:
         raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a URDF has at most {MAX_URDF_BYTES}")
     try:
@@ -153,6 +146,11 @@ def _parse(path: Path) -> etree._Element:
         raise UrdfError(f"{path}: not readable as XML ({' '.join(str(error).split())})") from error
     if root.getroottree().docinfo.doctype:
         raise UrdfError(f"{path}: declares a document type, which no URDF needs; remove its <!DOCTYPE ...>")
+    return root
+
+
+def _parse(path: Path) -> etree._Element:
+    root = parse_xml(path)
     elements = list(root.iter(etree.Element))
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
         raise UrdfError(f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro > out.urdf`")
@@ -237,8 +235,8 @@ def _joint(e: etree._Element, path: Path) -> Joint:
 
 def _name(e: etree._Element, path: Path) -> str:
     name = e.get("name", "")
-    if not name or len(name) > MAX_NAME:
-        raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name")
+    if not name or len(name) > MAX_NAME or set(name) & set("/\\"):  # files of a robot's directory are named after links
+        raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name without slashes")
     return name
 
 
@@ -259,7 +257,7 @@ def _number(e: etree._Element | None, key: str) -> float:
     return 0.0 if e is None else float(e.get(key, 0.0))
 
 
-def _mesh_folders(urdf: Path, root: Path | None) -> list[Path]:
+def mesh_folders(urdf: Path, root: Path | None) -> list[Path]:
     """Where meshes may lie: the folder of the URDF and those above it, up to `root`."""
     above = list(urdf.resolve().parents)
     if root is None or not root.is_dir():
@@ -280,12 +278,13 @@ def _mesh_file(name: str, urdf: Path, folders: list[Path]) -> Path:
         if candidate.is_file():
             if not candidate.resolve().is_relative_to(folder):
                 raise UrdfError(f"{candidate}: a link to a file outside of {folder}; copy the mesh there")
-            _check_mesh_file(candidate)
+            check_mesh(candidate)
             return candidate
     raise UrdfError(f"{where} was not found next to it or in {folders[-1]}")
 
 
-def _check_mesh_file(path: Path) -> None:
+def check_mesh(path: Path) -> None:
+    """Raise UrdfError for a mesh file that is too large, or a pointer of Git LFS."""
     if path.stat().st_size > MAX_MESH_BYTES:
         raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a mesh may have {MAX_MESH_BYTES}")
     with open(path, "rb") as f:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.planning.collision import CollisionWorld
 from pipeline.poses import quat_rotate
 from pipeline.run.robots.add import Options, add_robot
 from pipeline.run.robots.anatomy import Hints, anatomy
@@ -13,6 +14,7 @@ from pipeline.world.robots.check import RobotError, check_arm
 from pipeline.world.robots.contract import jaw_positions
 from pipeline.world.robots.directory import Model
 from pipeline.world.robots.forward import arm_poses
+from pipeline.world.robots.pairs import pair
 from pipeline.world.robots.urdf_file import read_urdf
 from tests.run.robots.tiny import COUPLED, HINGE, LINKAGE, SLIDES, Tiny
 
@@ -75,6 +77,8 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
         assert arm.gripper.max_opening == pytest.approx(2 * (0.015 + 0.05 * np.sin(0.5)), abs=1e-4)
         opened = dict(zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True))
         assert opened == {"knuckle_a": 0.5, "jaw_a": -0.5, "knuckle_b": 0.5, "jaw_b": -0.5}
+    rest = (model.arm(side).home for side in ("left", "right"))
+    assert CollisionWorld(pair(model, model)).with_objects(margin=0.0).first_blocked(*rest) is None
     links = {link.name: link for link in model.arm("left").links}
     assert links["upper"].mass == 0.8 and links["knuckle_a"].mass > 0
     (piece,) = links["upper"].collision

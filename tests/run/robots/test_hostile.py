@@ -57,6 +57,9 @@ def refused(tmp_path, source, *options) -> str:
         ('type="prismatic"', 'type="fixed"', "has no gripper"),
         ('lower="0" upper="0.03"', 'lower="0" upper="0"', "joint 'jaw_a' of the gripper needs limits lower < upper"),
         ('name="j2"', 'name=""', "give it a short name"),
+        ('name="j2"', 'name="j1"', "two joints are named 'j1': give each its own name"),
+        ('link name="upper"', 'link name="lower"', "two links are named 'lower': give each its own name"),
+        ('"upper"', '"../../../upper"', "give it a short name without slashes"),
     ],
 )
 def test_a_urdf_that_is_no_robot_is_one_line(tmp_path, old, new, words):
@@ -159,7 +162,8 @@ def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config,
 
 def test_what_is_not_there_is_named(tmp_path):
     path = Tiny(HINGE).write(tmp_path / "vendor")
-    assert "neither a URDF nor a directory" in refused(tmp_path, tmp_path / "gone.urdf")
+    assert "neither a URDF, nor an MJCF, nor a directory" in refused(tmp_path, tmp_path / "gone.urdf")
+    assert "gone.xml: is neither" in refused(tmp_path, path, "--gripper", tmp_path / "gone.xml")
     assert "has no link 'pelvis'; links are base" in refused(tmp_path, path, "--base", "pelvis")
     (path.parent / "second.urdf").write_text(path.read_text())
     assert "expected one .urdf, found second.urdf, tiny.urdf" in refused(tmp_path, tmp_path / "vendor")

@@ -1,0 +1,133 @@
+"""How the joints of a gripper follow each other in MuJoCo: the driving joint is moved and the others are watched."""
+
+from collections.abc import Iterable, Iterator
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+STOPS, SETTLE, STEP = 5, 1.0, 1e-3  # positions of the driving joint, seconds at each, seconds of a step of simulation
+DAMPING = 2e-4  # N m s/rad or N s/m: little, so that weak springs win within SETTLE
+HARD = 0.999  # impedance of the constraints, from 0 to 1
+RATE = 1.0  # rad/s or m/s of the driving joint
+STILL = 0.03  # share of the driving joint's travel, below which a joint counts as fixed
+BENT = 0.1  # share of a joint's travel by which it may leave the straight line
+
+
+class CouplingError(ValueError):
+    """Joints that no mimic rule describes; the message names them by their numbers."""
+
+    def __init__(self, joint: int, why: str) -> None:
+        super().__init__(why)
+        self.joint = joint
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint follows joint `leader`: position = `multiplier` x that of the leader + `offset`; a multiplier of 0 means fixed."""
+
+    leader: int
+    multiplier: float
+    offset: float
+
+
+def couplings(model: Any) -> dict[int, Coupling]:
+    """How each coupled joint of a compiled MuJoCo model follows a driving one. Joints that nothing couples are left out.
+
+    Equality constraints, tendons and springs act; gravity, contacts and actuators do not. Raises CouplingError for a driving joint
+    without limits, and for one that others do not follow in proportion.
+    """
+    found: dict[int, Coupling] = {}
+    driven = _driven(model)
+    for group in _groups(model):
+        leader = min(group, key=lambda joint: (joint not in driven, joint))
+        lower, upper = model.jnt_range[leader].tolist()
+        if not (model.jnt_limited[leader] and lower < upper):
+            raise CouplingError(leader, "drives other joints and has no limits; give it a range")
+        at = np.linspace(lower, upper, STOPS)
+        rows = _swept(model, leader, at, group)
+        for joint in sorted(group - {leader}):
+            moved = rows[:, joint]
+            slope, offset = np.polyfit(at, moved, 1).tolist() if np.isfinite(moved).all() else (np.nan, np.nan)
+            travel, bent = float(np.ptp(moved)), float(np.abs(slope * at + offset - moved).max())
+            if travel < STILL * (upper - lower):
+                slope, offset = 0.0, float(moved.mean())
+            elif not bent < BENT * travel:
+                raise CouplingError(joint, "is coupled to a driving joint, but does not follow it in proportion")
+            found[joint] = Coupling(leader, slope, offset)
+    return found
+
+
+def _swept(model: Any, leader: int, at: NDArray[np.float64], group: set[int]) -> NDArray[np.float64]:
+    """Positions (len(at), joints) of all joints after one of them has come to each place and the rest of its group to rest."""
+    import mujoco
+
+    off = mujoco.mjtDisableBit
+    model = copy(model)
+    model.opt.disableflags |= int(off.mjDSBL_ACTUATION | off.mjDSBL_CONTACT | off.mjDSBL_GRAVITY)
+    model.opt.timestep, model.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.eq_solref[:, :2], model.eq_solimp[:, :2] = (5 * STEP, 1), HARD
+    model.dof_frictionloss[:] = 0
+    model.dof_damping[:] = DAMPING
+    data = mujoco.MjData(model)
+    place, speed = model.jnt_qposadr, model.jnt_dofadr
+    held = [joint for joint in range(model.njnt) if joint not in group]
+    rest = data.qpos[place[held]].copy()
+    rows = []
+    for target in at:
+        for _ in range(round((SETTLE + np.ptp(at) / RATE / len(at)) / STEP)):
+            data.qpos[place[held]], data.qvel[speed[held]] = rest, 0
+            data.qpos[place[leader]] += np.clip(target - data.qpos[place[leader]], -RATE * STEP, RATE * STEP)
+            data.qvel[speed[leader]] = 0
+            mujoco.mj_step(model, data)
+        rows.append(data.qpos[place].copy())
+    return np.array(rows)
+
+
+def _groups(model: Any) -> list[set[int]]:
+    """Sets of joints that constraints tie together, in the order of their first joints."""
+    groups: list[set[int]] = []
+    for tied in _tied(model):
+        touched = [group for group in groups if group & tied]
+        groups = [group for group in groups if not group & tied] + [tied.union(*touched)]
+    return sorted((group for group in groups if len(group) > 1), key=min)
+
+
+def _tied(model: Any) -> Iterator[set[int]]:
+    """The joints of each constraint: of an equality, of the loop that two joined bodies close, of a fixed tendon."""
+    connect, weld, joint, tendon = 0, 1, 2, 3  # of mjtEq
+    for kind, a, b in zip(model.eq_type.tolist(), model.eq_obj1id.tolist(), model.eq_obj2id.tolist(), strict=True):
+        if kind == joint and b >= 0:
+            yield {a, b}
+        elif kind in (connect, weld):
+            yield _joints_above(model, a) ^ _joints_above(model, b)
+        elif kind == tendon:
+            yield {j for one in (a, b) if one >= 0 for j in _of_tendon(model, one)}
+    for one in range(model.ntendon):
+        yield set(_of_tendon(model, one))
+
+
+def _joints_above(model: Any, body: int) -> set[int]:
+    found = set[int]()
+    while body:
+        first = int(model.body_jntadr[body])
+        found |= set(range(first, first + int(model.body_jntnum[body])))
+        body = int(model.body_parentid[body])
+    return found
+
+
+def _of_tendon(model: Any, tendon: int) -> Iterable[int]:
+    """The joints of a fixed tendon."""
+    first = int(model.tendon_adr[tendon])
+    wraps = range(first, first + int(model.tendon_num[tendon]))
+    return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == 1]
+
+
+def _driven(model: Any) -> set[int]:
+    """Joints that an actuator moves, itself or by a tendon."""
+    found = set[int]()
+    for kind, target in zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True):
+        found |= {target} if kind == 0 else set(_of_tendon(model, target)) if kind == 3 else set()
+    return found
