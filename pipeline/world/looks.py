@@ -1,11 +1,11 @@
 """The looks that images are drawn in, by the number in an episode's `Visuals`: shaders, shadow masks, occlusion and edges."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pipeline.data.episode.visuals import FIRST_LOOK, LOOK
 from pipeline.world.occlusion import opened
-from pipeline.world.penumbra import Depths, Masks, hard, soft
+from pipeline.world.penumbra import Depths, Ground, Masks, hard, soft
 from pipeline.world.shapes import Parts
 
 
@@ -18,7 +18,7 @@ class Look:
     """
 
     shaders: str
-    masks: Callable[[Depths, Sequence[Depths], float], Masks]
+    masks: Callable[[Depths, Ground], Masks]
     prepare: Callable[[Parts], Parts]
     edges: bool
 

@@ -10,15 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType
-from pipeline.world.room import TABLE_TOP
-from pipeline.world.shadows import Plane
 from pipeline.world.shapes import Mesh, Parts, merge
 
 TABLE = "the table"
-SHADOWED = {
-    TABLE: Plane((0.0, 0.0, 1.0), TABLE_TOP),
-    "the floor": Plane((0.0, 0.0, 1.0), 0.0),
-}
+SHADOWED = (TABLE, "the floor")
 """Planes that shadows fall on where a camera may see it, by their names in `room`, in the order of the masks' channels."""
 
 TABLE_CELL, ROOM_CELL = 0.1, 0.7  # m between the points of a grid: highlights on the table are sharper
@@ -28,7 +23,7 @@ MAX_LEVEL = 3
 
 def channel(name: str) -> int:
     """Channel of the shadow masks for a plane; those that no shadow falls on take alpha, which is 1 in a texture without it."""
-    return list(SHADOWED).index(name) if name in SHADOWED else 3
+    return SHADOWED.index(name) if name in SHADOWED else 3
 
 
 def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:

@@ -15,7 +15,7 @@ from pipeline.world.capture import BACKGROUND, Drawn, DrawnScene, component, mil
 from pipeline.world.culling import in_view
 from pipeline.world.edges import smoothed, through_lens
 from pipeline.world.looks import look_of
-from pipeline.world.planes import SHADOWED, TABLE, channel, prepared
+from pipeline.world.planes import TABLE, channel, prepared
 from pipeline.world.presets import PRESETS
 from pipeline.world.room import shell, table_legs, table_light, table_top
 from pipeline.world.shadows import ShadowMap
@@ -79,7 +79,7 @@ class Renderer:
             self._scenes = [DrawnScene(sapien, bodies, visuals, self._preset, scattered)]
             return
         casters = (self._moving, [*planes[TABLE], *solid[FURNITURE]]) if self._preset.shadow else ({}, ())
-        self._shadows = ShadowMap(sapien, visuals, list(SHADOWED.values()), *casters)
+        self._shadows = ShadowMap(sapien, visuals, *casters)
         rooms: dict[CameraType, dict[str, Drawn]] = {}
         for kind in dict.fromkeys(camera.type for camera in cameras):
             rooms[kind] = {
