@@ -20,8 +20,10 @@ DARKEST = 0.85  # share of the room's light that goes below a body which lies on
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What shadows fall on: depths (N,N) of the `table` and of the `floor` in the map, 0-1 over `depth` (m), and the `window` of
-    rows and columns that holds the table with FAR // 2 texels around it."""
+    """What shadows fall on: depths (N,N) of the `table` and of the `floor` in the map, 0-1 over `depth` (m).
+
+    `window` are the rows and columns that hold the table and FAR // 2 texels around it.
+    """
 
     table: Depths
     floor: Depths

@@ -139,7 +139,7 @@ def table_window(direction: ArrayLike) -> tuple[slice, slice]:
 
 
 def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
-    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through each texel meets the plane z = `height` (m), at most 1; 0 if never."""
+    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through a texel meets z = `height` (m), at most 1; 0 if it never does."""
     right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE
     distance = height + SHADOW_OFFSET - SHADOW_CENTRE[2]
