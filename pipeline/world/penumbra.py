@@ -1,6 +1,7 @@
 """Shares of light on the planes that shadows fall on, from the sun's shadow map: hard for the first look, soft for today's."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -22,13 +23,17 @@ DARKEST = 0.85  # share of the room's light that goes below a body which lies on
 class Ground:
     """What shadows fall on: depths (N,N) of the `table` and of the `floor` in the map, 0-1 over `depth` (m).
 
-    `window` are the rows and columns that hold the table and FAR // 2 texels around it.
+    `window` are the rows and columns that hold the table and FAR // 2 texels around it; `inside` is the table's part there.
     """
 
     table: Depths
     floor: Depths
     depth: float
     window: tuple[slice, slice]
+
+    @cached_property
+    def inside(self) -> Depths:
+        return np.ascontiguousarray(self.table[self.window])
 
 
 def hard(depths: Depths, ground: Ground) -> Masks:
@@ -43,7 +48,7 @@ def soft(depths: Depths, ground: Ground) -> Masks:
     """
     inside = np.ascontiguousarray(depths[ground.window])
     blocked, height, contact = np.empty((3, *inside.shape), np.uint8)
-    _above(inside, ground.table[ground.window], ground.depth, (blocked, height, contact))
+    _above(inside, ground.inside, ground.depth, (blocked, height, contact))
     shadows = (_blurred(blocked, NEAR), _blurred(blocked, MIDDLE), _blurred(blocked, FAR))
     height, line, wide = _blurred(height, FAR), *(_blurred(contact, width) for width in CONTACT_WIDTHS)
     full = np.full(depths.shape, 255, np.uint8)

@@ -199,8 +199,8 @@ class Renderer:
         if image.dtype != np.uint8:
             image = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
         if self._edges:
-            smoothed(image, view.rgb[k])
-            through_lens(view.rgb[k])
+            smoothed(image, plain := np.empty_like(view.rgb[k]))
+            through_lens(plain, view.rgb[k])
         else:
             cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=view.rgb[k])
         if view.depth is not None:

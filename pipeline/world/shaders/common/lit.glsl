@@ -132,9 +132,11 @@ vec3 shade() {
   for (int i = 0; i < NUM_DIRECTIONAL_LIGHTS; ++i) {
     vec3 l = -sceneBuffer.directionalLights[i].direction.xyz;
     float cosine = max(dot(n, l), 0.0);
+#ifdef FIRST_LOOK
     float arrives = i < NUM_DIRECTIONAL_LIGHT_SHADOWS ? sunlight(inShadow) : 1.0;
-#ifndef FIRST_LOOK
-    arrives *= smoothstep(0.0, 0.3, cosine);  // facets of curved bodies shade themselves there
+#else
+    float arrives = smoothstep(0.0, 0.3, cosine);  // facets of curved bodies shade themselves there
+    if (i < NUM_DIRECTIONAL_LIGHT_SHADOWS && cosine > 0.0) arrives *= sunlight(inShadow);
 #endif
     vec3 light = sceneBuffer.directionalLights[i].emission.rgb * (cosine * arrives);
     scattered += light;
