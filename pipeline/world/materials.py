@@ -138,7 +138,8 @@ def print_texture(base: Color, accent: Color, kind: str = "label", text: str = "
 
     kind: "label" (band with text), "product" (band with text, small print, a bar code), "worn" (ground with rubbed edges), "hem"
     (woven ground with stitches along its edge), "stripes" (horizontal bands), "dots", "diamond", "qr" (black modules, three
-    finder squares), "keys" (grid of buttons), "panel" (dark display with text). Raises KeyError for an unknown kind or colour.
+    finder squares), "keys" (grid of buttons), "panel" (dark display with text), "pressed" (text and an oval in the ground).
+    Raises KeyError for an unknown kind or colour.
     """
     if kind not in PRINTS:
         raise KeyError(f"print {kind!r} is unknown: prints are {', '.join(PRINTS)}")
@@ -292,6 +293,16 @@ def _panel(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Genera
     _write(canvas, text, 0.5, ink, 0.26)
 
 
+def _pressed(canvas: np.ndarray, ink: np.ndarray, text: str, rng: np.random.Generator) -> None:
+    """Words and an oval pressed into the ground: dark above, light below."""
+    n, ground = canvas.shape[0], canvas[0, 0].copy()
+    for shift, tone in ((n // 90 + 1, np.minimum(ground * 1.15 + 0.04, 1)), (0, ink)):
+        stamped = np.zeros((n, n), np.float32)
+        cv2.ellipse(stamped, (n // 2, n // 2), (int(0.46 * n), int(0.42 * n)), 0, 0, 360, 1.0, max(n // 40, 1), cv2.LINE_AA)
+        _write(stamped, text, 0.5, np.ones(1), 0.36)
+        canvas += (tone - canvas) * np.roll(stamped, shift, 0)[..., None]
+
+
 BUSY = frozenset({"label", "product", "stripes", "dots", "diamond"})
 HANDLED = BUSY | {"worn"}
 """Kinds of print that packaging adds pictures and small print to, and those that show handling."""
@@ -307,6 +318,7 @@ PRINTS = {
     "qr": _qr,
     "keys": _keys,
     "panel": _panel,
+    "pressed": _pressed,
 }
 
 TEXTURES: dict[str, Callable[..., Rgba]] = {"tile": texture, "print": _print, "packaging": _packaging, "skin": skin}

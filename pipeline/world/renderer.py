@@ -65,11 +65,13 @@ class Renderer:
         self._names = tuple(visual_bodies)
         self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
         solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
+        look = look_of(visuals.look)
         planes = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
+        planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
         self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}
         numbers = {name: i + 1 for i, name in enumerate(visual_bodies)}
-        stock, look = self._preset.stock, look_of(visuals.look)
+        stock = self._preset.stock
         self._edges = look.edges and self._preset.edges
         shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
         bodies = {name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND)) for name, parts in shown.items()}

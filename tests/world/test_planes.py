@@ -5,8 +5,8 @@ import pytest
 
 from pipeline.data.cameras import CAMERA_TYPES
 from pipeline.world import room
-from pipeline.world.planes import channel, grid, halved, prepared, texture_level
-from pipeline.world.shapes import Mesh
+from pipeline.world.planes import channel, embossed, grid, halved, prepared, texture_level
+from pipeline.world.shapes import Material, Mesh
 from pipeline.world.visuals import CLEAN
 
 
@@ -45,6 +45,21 @@ def test_halving_averages() -> None:
     half = halved(texture, 1)
     assert half.shape == (4, 6, 4) and abs(float(half[1, 2, 3]) - texture[2:4, 4:6, 3].mean()) <= 0.5
     assert halved(texture, 5).shape == (2, 3, 4) and halved(texture, 0) is texture
+
+
+def test_light_from_a_side_falls_on_the_slopes_that_face_it() -> None:
+    texture = np.full((8, 16, 4), 120, np.uint8)
+    texture[:, 8:] = 140  # higher on the right
+    parts = [(room.quad((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0), Material((0.5, 0.5, 0.5), texture=texture))]
+    for travels, brighter in (((0.5, 0.0, -1.0), True), ((-0.5, 0.0, -1.0), False)):
+        lit = embossed(parts, travels)[0][1].texture
+        assert (
+            lit is not None
+            and (lit[0, 7:9, 0] > texture[0, 7:9, 0]).all() == brighter
+            and np.array_equal(lit[:, 2:6], texture[:, 2:6])
+        )
+    across = embossed(parts, (0.0, 0.7, -1.0))[0][1].texture
+    assert np.array_equal(across, texture)
 
 
 def test_planes_of_the_room_are_prepared_for_a_camera_type() -> None:

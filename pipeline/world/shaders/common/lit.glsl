@@ -34,7 +34,7 @@ float wear(out float rubbed) {
   vec2 at = inLocal.xy + inLocal.z * vec2(0.62, -0.47);
   float wide = clouds(at * 110.0 + 41.0), fine = square(ivec2(floor(at * 620.0)));
   rubbed = clamp(2.5 * wide - 1.5, 0.0, 1.0);
-  return 0.90 + 0.14 * wide + 0.06 * fine;
+  return 0.925 + 0.10 * wide + 0.07 * fine;
 }
 #endif
 
