@@ -1,9 +1,12 @@
 """Grids cover the rectangles they came from; textures are as fine as asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.data.cameras import CAMERA_TYPES
+from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.world import room
 from pipeline.world.planes import channel, embossed, grid, halved, prepared, texture_level
 from pipeline.world.shapes import Material, Mesh
@@ -68,3 +71,9 @@ def test_planes_of_the_room_are_prepared_for_a_camera_type() -> None:
         assert len(fine.triangles) > len(mesh.triangles) and same.roughness == material.roughness
     assert len({channel(name) for name in ("the table", "the floor", "the ceiling")}) == 3
     assert channel("the ceiling") == channel("the back wall")
+
+
+def test_cloth_has_no_sheen_from_the_second_look_on() -> None:
+    linen = replace(CLEAN, table=replace(CLEAN.table, pattern="linen"))
+    sheen = [room.table_top(v)[0][1].roughness for v in (CLEAN, linen, replace(linen, look=FIRST_LOOK))]
+    assert sheen[0] == sheen[2] < sheen[1]
