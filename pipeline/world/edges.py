@@ -5,11 +5,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-LEAST = 28  # smallest step of brightness, 0-255, that counts as an edge
+LEAST = 32  # smallest step of brightness, 0-255, that counts as an edge
 SHARE = 8  # and the edge is at least a so-manieth of the brightest pixel around
 FARTHEST = 8  # pixels an edge is followed to both sides
-LENS = np.array([0.125, 0.75, 0.125], np.float32)  # how a point's light spreads over neighbours, exact in binary
-
+LENS = 6  # shares of its own light that a pixel keeps, of two more that it gets along each axis
 
 CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
@@ -21,64 +20,88 @@ def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     luma = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGBA2GRAY), np.uint8)
     brightest = np.asarray(cv2.dilate(luma, CROSS), np.uint8)
     step = brightest - np.asarray(cv2.erode(luma, CROSS), np.uint8)
-    edge = ((step >= LEAST) & (step >= brightest // SHARE)).view(np.uint8)
-    _blend(image, luma, step, edge, out)
+    edge = np.zeros((image.shape[0], -(-image.shape[1] // 8) * 8), np.uint8)
+    edge[1:-1, 1 : image.shape[1] - 1] = ((step >= LEAST) & (step >= brightest // SHARE))[1:-1, 1:-1]
+    _blend(image, luma, step, (edge, edge.view(np.uint64)), out)
 
 
-def through_lens(image: NDArray[np.uint8]) -> None:
-    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, as a lens does; in place."""
-    cv2.sepFilter2D(image, -1, LENS, LENS, dst=image)
+@njit(cache=True, error_model="numpy")
+def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Spread the light of each pixel of `image` (H,W,3) a little over its neighbours, as a lens does; to `out` (H,W,3)."""
+    height, width = image.shape[0], 3 * image.shape[1]
+    rows, spread, column = image.reshape(height, width), out.reshape(height, width), np.empty(width + 6, np.uint16)
+    own, half = np.uint16(LENS), np.uint16((LENS + 2) ** 2 // 2)
+    for y in range(height):
+        above, row, below = rows[max(y - 1, 0)], rows[y], rows[min(y + 1, height - 1)]
+        for x in range(width):
+            column[x + 3] = np.uint16(above[x]) + np.uint16(below[x]) + own * np.uint16(row[x])
+        column[:3], column[width + 3 :] = column[3:6], column[width : width + 3]
+        for x in range(width):
+            spread[y, x] = np.uint16(column[x] + column[x + 6] + own * column[x + 3] + half) // np.uint16((LENS + 2) ** 2)
 
 
 @njit(cache=True, error_model="numpy")
 def _blend(
-    image: NDArray[np.uint8], shown: NDArray[np.uint8], steps: NDArray[np.uint8], edge: NDArray[np.uint8], out: NDArray[np.uint8]
+    image: NDArray[np.uint8],
+    luma: NDArray[np.uint8],
+    steps: NDArray[np.uint8],
+    edges: tuple[NDArray[np.uint8], NDArray[np.uint64]],
+    out: NDArray[np.uint8],
 ) -> None:
-    height, width = shown.shape
-    luma = shown.astype(np.int32)
+    """Blend the pixels where the first of `edges` is not 0; the second is the same as words of eight pixels, to skip the rest."""
+    height, width = luma.shape
+    edge, words = edges
+    flat = luma.ravel()
     for y in range(1, height - 1):
-        for x in range(1, width - 1):
-            if edge[y, x] == 0:
+        for word in range(words.shape[1]):
+            if words[y, word] == 0:
                 continue
-            m, step = luma[y, x], np.int32(steps[y, x])
-            n, s, w, e = luma[y - 1, x], luma[y + 1, x], luma[y, x - 1], luma[y, x + 1]
-            nw, ne, sw, se = luma[y - 1, x - 1], luma[y - 1, x + 1], luma[y + 1, x - 1], luma[y + 1, x + 1]
-            down = 2 * abs(n + s - 2 * m) + abs(ne + se - 2 * e) + abs(nw + sw - 2 * w)
-            across = 2 * abs(w + e - 2 * m) + abs(nw + ne - 2 * n) + abs(sw + se - 2 * s)
-            level = down >= across  # the edge runs from left to right
-            one, two = (n, s) if level else (w, e)
-            first = abs(one - m) >= abs(two - m)
-            other = one if first else two
-            slope = abs(other - m)
-            oy, ox = (-1 if first else 1, 0) if level else (0, -1 if first else 1)
-            ay, ax = (0, 1) if level else (1, 0)
-            middle = m + other  # twice the brightness on the edge
-            below = 2 * m < middle
-            back, back_end = _end(luma, y, x, (oy, ox), (-ay, -ax), (middle, slope))
-            ahead, ahead_end = _end(luma, y, x, (oy, ox), (ay, ax), (middle, slope))
-            near_end = back_end if back <= ahead else ahead_end
-            share = 0
-            if near_end != 0 and (near_end < 0) != below:
-                share = 128 - 256 * min(back, ahead) // (back + ahead)
-            mean = (2 * (n + s + w + e) + nw + ne + sw + se) // 12
-            corner = min(256 * abs(mean - m) // max(step, 1), 256)
-            share = max(share, corner * corner // 512)
-            for c in range(3):
-                out[y, x, c] = (image[y, x, c] * (256 - share) + image[y + oy, x + ox, c] * share + 128) >> 8
+            for x in range(8 * word, 8 * word + 8):
+                if edge[y, x] == 0:
+                    continue
+                p = y * width + x
+                m, step = np.int32(flat[p]), np.int32(steps[y, x])
+                n, s, w, e = np.int32(flat[p - width]), np.int32(flat[p + width]), np.int32(flat[p - 1]), np.int32(flat[p + 1])
+                nw, ne = np.int32(flat[p - width - 1]), np.int32(flat[p - width + 1])
+                sw, se = np.int32(flat[p + width - 1]), np.int32(flat[p + width + 1])
+                down = 2 * abs(n + s - 2 * m) + abs(ne + se - 2 * e) + abs(nw + sw - 2 * w)
+                across = 2 * abs(w + e - 2 * m) + abs(nw + ne - 2 * n) + abs(sw + se - 2 * s)
+                level = down >= across  # the edge runs from left to right
+                one, two = (n, s) if level else (w, e)
+                first = abs(one - m) >= abs(two - m)
+                other = one if first else two
+                slope = abs(other - m)
+                side = (-width if first else width) if level else (-1 if first else 1)
+                middle = m + other  # twice the brightness on the edge
+                below = 2 * m < middle
+                if level:
+                    back, back_end = _end(flat, p, -1, min(x - 1, FARTHEST), (side, middle, slope))
+                    ahead, ahead_end = _end(flat, p, 1, min(width - 2 - x, FARTHEST), (side, middle, slope))
+                else:
+                    back, back_end = _end(flat, p, -width, min(y - 1, FARTHEST), (side, middle, slope))
+                    ahead, ahead_end = _end(flat, p, width, min(height - 2 - y, FARTHEST), (side, middle, slope))
+                near_end = back_end if back <= ahead else ahead_end
+                share = 0
+                if near_end != 0 and (near_end < 0) != below:
+                    share = 128 - 256 * min(back, ahead) // (back + ahead)
+                mean = (2 * (n + s + w + e) + nw + ne + sw + se) // 12
+                corner = min(256 * abs(mean - m) // max(step, 1), 256)
+                share = max(share, corner * corner // 512)
+                oy, ox = (-1 if first else 1, 0) if level else (0, -1 if first else 1)
+                for c in range(3):
+                    out[y, x, c] = (image[y, x, c] * (256 - share) + image[y + oy, x + ox, c] * share + 128) >> 8
 
 
 @njit(cache=True, error_model="numpy")
-def _end(
-    luma: NDArray[np.int32], y: int, x: int, other: tuple[int, int], along: tuple[int, int], edge: tuple[int, int]
-) -> tuple[int, int]:
-    """Steps to where an edge ends, walking `along` it from a pixel, and how far off its brightness that is (0: unknown)."""
-    height, width = luma.shape
-    middle, slope = edge
-    for k in range(1, FARTHEST + 1):
-        y, x = y + along[0], x + along[1]
-        if y < 1 or x < 1 or y >= height - 1 or x >= width - 1:
-            return k, 0
-        off = luma[y, x] + luma[y + other[0], x + other[1]] - middle
+def _end(luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, int, int]) -> tuple[int, int]:
+    """Steps of `stride` to where an edge ends, at most `steps` inside the image, and how far off its brightness is (0: unknown).
+
+    `edge` is the offset of the pixel across it, twice its brightness, and how steep it is.
+    """
+    side, middle, slope = edge
+    for k in range(1, steps + 1):
+        p += stride
+        off = np.int32(luma[p]) + np.int32(luma[p + side]) - middle
         if abs(off) * 2 >= slope:
             return k, off
-    return FARTHEST, 0
+    return min(steps + 1, FARTHEST), 0

@@ -1,11 +1,14 @@
 """The looks that images are drawn in, by the number in an episode's `Visuals`: shaders, shadow masks, occlusion and edges."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
 
 from pipeline.data.episode.visuals import FIRST_LOOK, LOOK
 from pipeline.world.occlusion import opened
-from pipeline.world.penumbra import Depths, Masks, hard, soft
+from pipeline.world.penumbra import Depths, Ground, Masks, hard, soft
+from pipeline.world.planes import embossed
 from pipeline.world.shapes import Parts
 
 
@@ -14,18 +17,19 @@ class Look:
     """How light is computed.
 
     `shaders` is added to the names of our shader folders, `masks` makes the planes' shadow masks from the depths of the shadow map,
-    `prepare` gets bodies ready, and `edges` allows presets to smooth edges.
+    `prepare` gets bodies ready, `surface` the table for the direction of the sun, and `edges` allows presets to smooth edges.
     """
 
     shaders: str
-    masks: Callable[[Depths, Sequence[Depths], float], Masks]
+    masks: Callable[[Depths, Ground], Masks]
     prepare: Callable[[Parts], Parts]
+    surface: Callable[[Parts, ArrayLike], Parts]
     edges: bool
 
 
 LOOKS = {
-    FIRST_LOOK: Look("_first", hard, lambda parts: parts, edges=False),
-    LOOK: Look("", soft, opened, edges=True),
+    FIRST_LOOK: Look("_first", hard, lambda parts: parts, lambda parts, direction: parts, edges=False),
+    LOOK: Look("", soft, opened, embossed, edges=True),
 }
 
 

@@ -1,6 +1,7 @@
 """Shares of light on the planes that shadows fall on, from the sun's shadow map: hard for the first look, soft for today's."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -18,23 +19,41 @@ BELOW = 0.009  # m: the far side of a body that lies on the table is up to so mu
 DARKEST = 0.85  # share of the room's light that goes below a body which lies on the table
 
 
-def hard(depths: Depths, planes: Sequence[Depths], depth: float) -> Masks:
-    """Share of the sun's light, 0-255, on each plane (N,N,planes), averaged over 3x3 texels; `depth` is not used."""
-    return np.dstack([_bordered(_lit(depths, plane, 3)) for plane in planes])
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What shadows fall on: depths (N,N) of the `table` and of the `floor` in the map, 0-1 over `depth` (m).
 
-
-def soft(depths: Depths, planes: Sequence[Depths], depth: float) -> Masks:
-    """The masks of two planes as (N,N,4): the sun's light on each, the room's light on the first, and 255.
-
-    Edges of shadows widen with the distance between body and plane. `depths` are the map's, 0-1 over `depth` (m).
+    `window` are the rows and columns that hold the table and FAR // 2 texels around it; `inside` is the table's part there.
     """
-    table, floor = planes
-    blocked, height, contact = np.empty((3, *depths.shape), np.uint8)
-    _above(depths, table, depth, (blocked, height, contact))
+
+    table: Depths
+    floor: Depths
+    depth: float
+    window: tuple[slice, slice]
+
+    @cached_property
+    def inside(self) -> Depths:
+        return np.ascontiguousarray(self.table[self.window])
+
+
+def hard(depths: Depths, ground: Ground) -> Masks:
+    """Share of the sun's light, 0-255, on table and floor (N,N,2), averaged over 3x3 texels."""
+    return np.dstack([_bordered(_lit(depths, plane, 3)) for plane in (ground.table, ground.floor)])
+
+
+def soft(depths: Depths, ground: Ground) -> Masks:
+    """The masks as (N,N,4): the sun's light on the table, that on the floor, the room's light on the table, and 255.
+
+    Edges of shadows widen with the distance between body and table. Nothing shades what is outside of the window.
+    """
+    inside = np.ascontiguousarray(depths[ground.window])
+    blocked, height, contact = np.empty((3, *inside.shape), np.uint8)
+    _above(inside, ground.inside, ground.depth, (blocked, height, contact))
     shadows = (_blurred(blocked, NEAR), _blurred(blocked, MIDDLE), _blurred(blocked, FAR))
     height, line, wide = _blurred(height, FAR), *(_blurred(contact, width) for width in CONTACT_WIDTHS)
-    masks = np.empty((*depths.shape, 4), np.uint8)
-    _mix(shadows, height, (line, wide), _lit(depths, floor, MIDDLE), masks)
+    full = np.full(depths.shape, 255, np.uint8)
+    masks = np.asarray(cv2.merge((full, _lit(depths, ground.floor, MIDDLE), full, full)), np.uint8)
+    _mix(shadows, height, (line, wide), masks[ground.window])
     return _bordered(masks)
 
 
@@ -53,24 +72,20 @@ def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks,
 
 
 @njit(cache=True, error_model="numpy")
-def _mix(shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], floor: Masks, out: Masks) -> None:
-    """The channels of the masks; the shadow is mixed of three by the mean height of what is in the light's way around a texel."""
+def _mix(shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], out: Masks) -> None:
+    """The table's channels; the shadow is mixed of three by the mean height of what is in the light's way around a texel."""
     near, middle, far = shadows
     line, wide = contact
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             around = np.int32(far[y, x])
-            shadow = np.int32(0)
             if around > 0:
                 low = min(np.int32(height[y, x]) * 510 // around, 510)
                 high = max(low - 255, 0)
                 low = min(low, 255)
                 shadow = (near[y, x] * (255 - low) + middle[y, x] * low) // 255
-                shadow = (shadow * (255 - high) + around * high) // 255
-            out[y, x, 0] = 255 - shadow
-            out[y, x, 1] = floor[y, x]
+                out[y, x, 0] = 255 - (shadow * (255 - high) + around * high) // 255
             out[y, x, 2] = 255 - min(np.int32(line[y, x]) * 3 // 4 + np.int32(wide[y, x]) // 2, 255)
-            out[y, x, 3] = 255
 
 
 def _lit(depths: Depths, plane: Depths, width: int) -> Masks:

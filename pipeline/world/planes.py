@@ -7,28 +7,43 @@ mask of the plane, and a texture has one level, chosen for the camera, instead o
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
-from pipeline.world.room import TABLE_TOP
-from pipeline.world.shadows import Plane
 from pipeline.world.shapes import Mesh, Parts, merge
 
 TABLE = "the table"
-SHADOWED = {
-    TABLE: Plane((0.0, 0.0, 1.0), TABLE_TOP),
-    "the floor": Plane((0.0, 0.0, 1.0), 0.0),
-}
+SHADOWED = (TABLE, "the floor")
 """Planes that shadows fall on where a camera may see it, by their names in `room`, in the order of the masks' channels."""
 
 TABLE_CELL, ROOM_CELL = 0.1, 0.7  # m between the points of a grid: highlights on the table are sharper
 TABLE_DISTANCE, ROOM_DISTANCE = 0.6, 2.0  # m, at which cameras see them: wrist cameras are nearer, the head camera is farther off
 MAX_LEVEL = 3
+RELIEF = 4.0  # texels between the deepest and the highest of a texture
 
 
 def channel(name: str) -> int:
     """Channel of the shadow masks for a plane; those that no shadow falls on take alpha, which is 1 in a texture without it."""
-    return list(SHADOWED).index(name) if name in SHADOWED else 3
+    return SHADOWED.index(name) if name in SHADOWED else 3
+
+
+def embossed(parts: Parts, direction: ArrayLike) -> Parts:
+    """The parts with what light from one `direction` makes of the relief of their textures: where they are darker, they are deeper.
+
+    For surfaces that face up, their texture's columns along x and its rows along y. It costs nothing per frame.
+    """
+    dx, dy, dz = np.asarray(direction, float)
+    out = []
+    for mesh, material in parts:
+        if material.texture is not None and dz < 0:
+            height = material.texture[..., :3].astype(np.float32).mean(-1) / 255
+            rise = [(np.roll(height, -1, axis) - np.roll(height, 1, axis)) / 2 for axis in (1, 0)]
+            light = 1 + np.clip((rise[0] * dx + rise[1] * dy) / -dz * RELIEF, -0.2, 0.2)
+            pixels = material.texture.copy()
+            pixels[..., :3] = np.clip(np.rint(pixels[..., :3] * np.sqrt(light)[..., None]), 0, 255)
+            material = replace(material, texture=pixels)
+        out.append((mesh, material))
+    return out
 
 
 def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:

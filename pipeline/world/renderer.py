@@ -15,7 +15,7 @@ from pipeline.world.capture import BACKGROUND, Drawn, DrawnScene, component, mil
 from pipeline.world.culling import in_view
 from pipeline.world.edges import smoothed, through_lens
 from pipeline.world.looks import look_of
-from pipeline.world.planes import SHADOWED, TABLE, channel, prepared
+from pipeline.world.planes import TABLE, channel, prepared
 from pipeline.world.presets import PRESETS
 from pipeline.world.room import shell, table_legs, table_light, table_top
 from pipeline.world.shadows import ShadowMap
@@ -65,11 +65,13 @@ class Renderer:
         self._names = tuple(visual_bodies)
         self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
         solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
+        look = look_of(visuals.look)
         planes = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
+        planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
         self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}
         numbers = {name: i + 1 for i, name in enumerate(visual_bodies)}
-        stock, look = self._preset.stock, look_of(visuals.look)
+        stock = self._preset.stock
         self._edges = look.edges and self._preset.edges
         shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
         bodies = {name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND)) for name, parts in shown.items()}
@@ -79,7 +81,7 @@ class Renderer:
             self._scenes = [DrawnScene(sapien, bodies, visuals, self._preset, scattered)]
             return
         casters = (self._moving, [*planes[TABLE], *solid[FURNITURE]]) if self._preset.shadow else ({}, ())
-        self._shadows = ShadowMap(sapien, visuals, list(SHADOWED.values()), *casters)
+        self._shadows = ShadowMap(sapien, visuals, *casters)
         rooms: dict[CameraType, dict[str, Drawn]] = {}
         for kind in dict.fromkeys(camera.type for camera in cameras):
             rooms[kind] = {
@@ -199,8 +201,8 @@ class Renderer:
         if image.dtype != np.uint8:
             image = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
         if self._edges:
-            smoothed(image, view.rgb[k])
-            through_lens(view.rgb[k])
+            smoothed(image, plain := np.empty_like(view.rgb[k]))
+            through_lens(plain, view.rgb[k])
         else:
             cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=view.rgb[k])
         if view.depth is not None:

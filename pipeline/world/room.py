@@ -15,6 +15,9 @@ from pipeline.world.textures import Rgba
 
 LEG_WIDTH = 0.05
 TABLE_ROUGHNESS = 0.45
+MATT = dict.fromkeys(
+    ("linen", "gingham", "felt", "concrete"), 0.95
+)  # roughness of table tops without sheen, from the second look on
 WALL_Y = 1.0
 ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
 
@@ -70,7 +73,8 @@ def table(tile: float) -> tuple[Mesh, Mesh]:
 
 def table_top(visuals: Visuals, images: Mapping[str, Rgba] | None = None) -> list[tuple[Mesh, Material]]:
     """Table top with its material; `images` by kind are the textures that are not drawn."""
-    return [(table(visuals.table.tile)[0], surface_material(visuals.table, TABLE_ROUGHNESS, (images or {}).get("table")))]
+    sheen = TABLE_ROUGHNESS if visuals.look == FIRST_LOOK else MATT.get(visuals.table.pattern, TABLE_ROUGHNESS)
+    return [(table(visuals.table.tile)[0], surface_material(visuals.table, sheen, (images or {}).get("table")))]
 
 
 def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, float]:

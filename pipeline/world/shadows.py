@@ -1,7 +1,6 @@
 """The sun's shadows: drawn once per frame from the shapes of the bodies and shared by all cameras as two textures."""
 
-from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.episode.visuals import Visuals
 from pipeline.world.batching import caster
+from pipeline.world.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
 from pipeline.world.looks import look_of
-from pipeline.world.room import TABLE_TOP
+from pipeline.world.penumbra import FAR, Ground
 from pipeline.world.shapes import Parts
 
 SHADER = Path(__file__).parent / "shaders" / "shadow_map"
@@ -25,24 +25,16 @@ POSE_STEP = 2.0**-14  # m, far below a texel; without it bodies at rest would tr
 SAME_STILL = 16  # frames
 
 
-@dataclass(frozen=True)
-class Plane:
-    """A plane that shadows fall on: unit normal and its distance from the origin (m), both in the world."""
-
-    normal: tuple[float, float, float]
-    distance: float
-
-
 class ShadowMap:
     """What the sun does not reach, as two `textures` that `draw` brings up to date.
 
-    "ShadowMap" is the depth along the light, 0-1, of the far side of every body that casts a shadow. "ShadowMasks" holds for each
-    of two `planes` the share of light, 0-1, that reaches it, as the look of the visuals makes it (penumbra.py). `moving` bodies
-    follow the poses given to `follow`, on a grid of POSE_STEP; those that keep still for SAME_STILL frames are drawn once for all
-    of them, which changes no bit of the map.
+    "ShadowMap" is the depth along the light, 0-1, of the far side of every body that casts a shadow. "ShadowMasks" holds the share
+    of light, 0-1, that reaches table and floor, as the look of the visuals makes it (penumbra.py). `moving` bodies follow the poses
+    given to `follow`, on a grid of POSE_STEP; those that keep still for SAME_STILL frames are drawn once for all of them, which
+    changes no bit of the map.
     """
 
-    def __init__(self, sapien: Any, visuals: Visuals, planes: Sequence[Plane], moving: Mapping[str, Parts], fixed: Parts) -> None:
+    def __init__(self, sapien: Any, visuals: Visuals, moving: Mapping[str, Parts], fixed: Parts) -> None:
         self._sapien = sapien
         render = sapien.render
         self._scene: Any = sapien.Scene([render.RenderSystem()])
@@ -55,7 +47,8 @@ class ShadowMap:
         entity = sapien.Entity()
         entity.add_component(self._camera)
         entity.add_to_scene(self._scene)
-        self._planes = [plane_depths(plane, visuals.sun_direction) for plane in planes]
+        table, floor = (plane_depths(height, visuals.sun_direction) for height in (TABLE_TOP, 0.0))
+        self._ground = Ground(table, floor, 2 * SHADOW_DEPTH, table_window(visuals.sun_direction))
         self._masks_of = look_of(visuals.look).masks
         self._poses: dict[str, NDArray[np.float64]] = {}
         self._movers: list[frozenset[str]] = []
@@ -99,7 +92,7 @@ class ShadowMap:
         self._scene.clear()
 
     def _light(self, depths: NDArray[np.float32]) -> NDArray[np.uint8]:
-        return self._masks_of(depths, self._planes, 2 * SHADOW_DEPTH)
+        return self._masks_of(depths, self._ground)
 
     def _place(self, names: Iterable[str], k: int) -> None:
         for name in names:
@@ -136,11 +129,20 @@ def sun_axes(direction: ArrayLike) -> NDArray[np.float64]:
     return np.array([right, np.cross(forward, right), forward], np.float64)
 
 
-def plane_depths(plane: Plane, direction: ArrayLike) -> NDArray[np.float32]:
-    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through each texel of the map meets the plane, at most 1; 0 if never."""
-    right, up, forward = sun_axes(direction) @ np.asarray(plane.normal)
+def table_window(direction: ArrayLike) -> tuple[slice, slice]:
+    """Rows and columns of the map that the light which meets the table top goes through, with FAR // 2 texels around them."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0)])
+    corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
+    x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T
+    sides = [(np.array([at.min(), at.max()]) * 0.5 + 0.5) * SHADOW_MAP for at in (y, -x)]  # the map is mirrored in x
+    return tuple(slice(max(int(a) - FAR // 2 - 2, 0), min(int(b) + FAR // 2 + 3, SHADOW_MAP)) for a, b in sides)
+
+
+def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
+    """Depth (SHADOW_MAP, SHADOW_MAP) at which the light through a texel meets z = `height` (m), at most 1; 0 if it never does."""
+    right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE
-    distance = plane.distance + SHADOW_OFFSET - np.dot(plane.normal, SHADOW_CENTRE)
+    distance = height + SHADOW_OFFSET - SHADOW_CENTRE[2]
     if abs(forward) < 1e-6:
         return np.zeros((SHADOW_MAP, SHADOW_MAP), np.float32)
     along = (distance + across[None] * right - across[:, None] * up) / forward  # the map is mirrored in x

@@ -1,12 +1,15 @@
 """Grids cover the rectangles they came from; textures are as fine as asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.data.cameras import CAMERA_TYPES
+from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.world import room
-from pipeline.world.planes import channel, grid, halved, prepared, texture_level
-from pipeline.world.shapes import Mesh
+from pipeline.world.planes import channel, embossed, grid, halved, prepared, texture_level
+from pipeline.world.shapes import Material, Mesh
 from pipeline.world.visuals import CLEAN
 
 
@@ -47,9 +50,30 @@ def test_halving_averages() -> None:
     assert halved(texture, 5).shape == (2, 3, 4) and halved(texture, 0) is texture
 
 
+def test_light_from_a_side_falls_on_the_slopes_that_face_it() -> None:
+    texture = np.full((8, 16, 4), 120, np.uint8)
+    texture[:, 8:] = 140  # higher on the right
+    parts = [(room.quad((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0), Material((0.5, 0.5, 0.5), texture=texture))]
+    for travels, brighter in (((0.5, 0.0, -1.0), True), ((-0.5, 0.0, -1.0), False)):
+        lit = embossed(parts, travels)[0][1].texture
+        assert (
+            lit is not None
+            and (lit[0, 7:9, 0] > texture[0, 7:9, 0]).all() == brighter
+            and np.array_equal(lit[:, 2:6], texture[:, 2:6])
+        )
+    across = embossed(parts, (0.0, 0.7, -1.0))[0][1].texture
+    assert np.array_equal(across, texture)
+
+
 def test_planes_of_the_room_are_prepared_for_a_camera_type() -> None:
     for name, parts in room.shell(CLEAN).items():
         (mesh, material), (fine, same) = parts[0], prepared(name, parts, CAMERA_TYPES["D435"])[0]
         assert len(fine.triangles) > len(mesh.triangles) and same.roughness == material.roughness
     assert len({channel(name) for name in ("the table", "the floor", "the ceiling")}) == 3
     assert channel("the ceiling") == channel("the back wall")
+
+
+def test_cloth_has_no_sheen_from_the_second_look_on() -> None:
+    linen = replace(CLEAN, table=replace(CLEAN.table, pattern="linen"))
+    sheen = [room.table_top(v)[0][1].roughness for v in (CLEAN, linen, replace(linen, look=FIRST_LOOK))]
+    assert sheen[0] == sheen[2] < sheen[1]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.data.episode.meta import Drawing
 from pipeline.data.episode.visuals import FIRST_LOOK
-from pipeline.world import materials, room
+from pipeline.world import materials, prints, room
 from pipeline.world.patterns import PATTERNS, texture
 from pipeline.world.skins import SKINS, skin
 from pipeline.world.visuals import CLEAN, draw_visuals
@@ -130,7 +130,7 @@ def test_materials_are_textured_only_on_request_and_shared() -> None:
         materials.glaze("octarine")
 
 
-@pytest.mark.parametrize("kind", sorted(materials.PRINTS.keys() - {"worn", "hem"}))
+@pytest.mark.parametrize("kind", sorted(prints.PRINTS.keys() - {"worn", "hem"}))
 def test_prints_show_both_colours(kind: str) -> None:
     source = materials.print_texture("white", "navy", kind, "AB", seed=2)
     image = materials.texture_pixels(source)

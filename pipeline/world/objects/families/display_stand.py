@@ -5,13 +5,13 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.world.materials import glaze, metal, painted, wood
+from pipeline.world.materials import glaze, metal, painted, srgb, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
-from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
+from pipeline.world.objects.geometry import at, extrude, revolve, rounded_rectangle, stack
 from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
 from pipeline.world.objects.words import describe
-from pipeline.world.shapes import Shape
+from pipeline.world.shapes import Material, Shape
 
 RADIUS = (0.055, 0.075)
 
@@ -49,12 +49,24 @@ class DisplayStand(Family):
         r, h, f, c, t = self.radius, self.height, self.foot, self.column, self.plate
         skin = {"wood": wood(self.colour, self.seed), "metal": metal(self.colour), "ceramic": glaze(self.colour)}.get(self.material)
         skin = painted(self.colour) if skin is None else skin
-        column = revolve([(f, 0), (f, 0.006), (c, 0.02), (0.8 * c, 0.5 * h), (c, h - t)], 24, 60)
-        under = revolve([(0, 0), (f, 0)], 24)
-        plate = cylinder(r, t, 28, 0.0015) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.1 * r, 3), t, 0.0015)
+        foot = [(f - 0.001, 0.0), (f, 0.002), (f - 0.002, 0.007)]
+        bead = [(c + 0.003, 0.020), (c + 0.003, 0.023), (0.96 * c, 0.0245)]
+        column = revolve([*foot, (1.15 * c, 0.016), *bead, (0.8 * c, 0.5 * h), (0.9 * c, h - t - 0.006), (1.2 * c, h - t)], 20, 35)
+        under = revolve([(0, 0), (f, 0)], 20)
+        if self.form == "round":
+            plate, top_felt = (
+                revolve([(0, 0), (r - 0.003, 0), *_edge(r, t), (0, t)], 28, 35),
+                revolve([(0.88 * r, 0.0006), (0, 0.0006)], 28),
+            )
+        else:
+            square = rounded_rectangle(r, r, 0.1 * r, 3)
+            plate = stack(square, [(z, x / r, x / r) for x, z in [(r - 0.003, 0), *_edge(r, t)]], 35)
+            top_felt = extrude(square * 0.88, 0.0006)
+        red, green, blue = srgb(self.colour)
+        felt = Material((0.80 * red, 0.80 * green, 0.80 * blue), 0.95)
         top = disc(r, t, h - t) if self.form == "round" else box_collider(r, r, t / 2, (0, 0, h - t / 2))
         return Shape(
-            visual=((under, skin), (column, skin), (at(plate, (0, 0, h - t)), skin)),
+            visual=((under, skin), (column, skin), (at(plate, (0, 0, h - t)), skin), (at(top_felt, (0, 0, h)), felt)),
             collision=disc(f, 0.012) + cylinder_collider(c, 0.01, h - t) + top,
             mass=0.5,
             friction=0.7,
@@ -74,3 +86,8 @@ class DisplayStand(Family):
             plain="" if self.material == "wood" else self.material,
             form=self.form,
         )
+
+
+def _edge(r: float, t: float) -> list[tuple[float, float]]:
+    """Radius and height (m) along the edge of a plate of radius `r` and thickness `t`: a round nose below a step."""
+    return [(r, 0.25 * t), (r - 0.0006, 0.58 * t), (r - 0.0025, 0.64 * t), (r - 0.003, t)]

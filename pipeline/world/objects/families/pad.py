@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.world.materials import painted, print_texture, printed, rubber
+from pipeline.world.materials import print_texture, printed, worn
 from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import extrude, rounded_rectangle
@@ -51,8 +51,8 @@ class Pad(Family):
         mesh = extrude(rounded_rectangle(self.hx, self.hy, corner, 3), self.thickness, bevel)
         skin = {
             "fabric": printed(print_texture(self.colour, "cream", "hem", seed=self.seed), 0.95),
-            "rubber": rubber(self.colour),
-            "painted": painted(self.colour),
+            "rubber": worn(self.colour, self.seed, 0.9),
+            "painted": worn(self.colour, self.seed),
         }[self.material]
         return Shape(
             visual=((mesh, skin),),

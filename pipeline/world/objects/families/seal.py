@@ -5,12 +5,14 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.world.materials import plastic, rubber, wood
+from pipeline.poses import quat_about
+from pipeline.world.materials import metal, plastic, print_texture, printed, rubber, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
-from pipeline.world.objects.geometry import at, box, cylinder, revolve
+from pipeline.world.objects.geometry import at, band, box, cylinder, decal, revolve
 from pipeline.world.objects.grasping import side_pinches
 from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.surface import join
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
@@ -56,9 +58,16 @@ class Seal(Family):
             block = at(box(a, a, (b - foot) / 2, 0.002), (0, 0, (b + foot) / 2))
         profile = [(0.7 * g, b - 0.001), (0.62 * g, b + 0.15 * (h - b)), (g, b + 0.42 * (h - b)), (g, h - 0.6 * g)]
         handle = revolve([*profile, (0.75 * g, h - 0.18 * g), (0.4 * g, h), (0, h)], 20, 60)
+        ring = revolve([(0.80 * g, b), (0.86 * g, b + 0.002), (0.80 * g, b + 0.004), (0.62 * g, b + 0.0045)], 20, 60)
+        text = printed(print_texture("white", self.ink, "label", "PAID"), 0.6)
+        if self.form == "round":
+            label = band(a + 0.0003, foot + 0.15 * (b - foot), b - 0.18 * (b - foot), 24, 3)
+        else:
+            front = decal(1.5 * a, 0.62 * (b - foot), (0, -a - 0.0003, (b + foot) / 2), quat_about((1, 0, 0), np.pi / 2))
+            label = join(*(at(front, quaternion=quat_about((0, 0, 1), k * np.pi / 2)) for k in range(4)))
         base = disc(a, b) if self.form == "round" else box_collider(a, a, b / 2, (0, 0, b / 2))
         return Shape(
-            visual=((pad, rubber(self.ink)), (block, skin), (handle, skin)),
+            visual=((pad, rubber(self.ink)), (block, skin), (handle, skin), (ring, metal("gold")), (label, text)),
             collision=base
             + cylinder_collider(0.65 * g, b - 0.001, b + 0.3 * (h - b))
             + cylinder_collider(g, b + 0.38 * (h - b), h - 0.3 * g)

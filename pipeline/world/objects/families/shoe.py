@@ -9,7 +9,7 @@ from pipeline.poses import quat_about
 from pipeline.world.materials import fabric, plastic, rubber, wrapped
 from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
-from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, scaled, sphere
+from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, revolve, scaled, sphere
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
 from pipeline.world.objects.surface import finish
@@ -21,6 +21,9 @@ LENGTH = (0.19, 0.24)
 STATIONS = np.array([0.0, 0.04, 0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 0.95, 1.0])
 WIDTHS = np.array([0.42, 0.62, 0.74, 0.77, 0.78, 0.85, 0.95, 1.0, 0.88, 0.62, 0.3])
 RIDGE = np.array([0.80, 0.96, 1.0, 0.97, 0.93, 0.82, 0.68, 0.57, 0.5, 0.42, 0.32])
+
+COLLAR = ((1.0, 0.0), (1.04, 0.45), (0.97, 0.95), (0.87, 0.95), (0.80, 0.4))
+"""Radius and height, as shares, of the padding round the opening."""
 
 
 @register("shoe")
@@ -80,23 +83,21 @@ class Shoe(Family):
         for k in range(self.laces):
             share = 0.47 + 0.2 * k / max(self.laces - 1, 1)
             lace = at(
-                capsule(0.0026, 0.3 * self.half, 4, 6),
+                capsule(0.0024, 0.36 * self.half, 3, 4),
                 (float(self.x(share)), 0, self._top(share) + 0.001),
                 quat_about((1, 0, 0), np.pi / 2),
             )
             parts.append((lace, "white" if self.colour not in ("white", "beige") else "charcoal"))
-        opening = at(
-            extrude(ellipse(0.165 * self.length, 0.52 * self.half, 18), 0.004),
-            (float(self.x(0.21)), 0, self._top(0.21) - 0.0018),
-            quat_about((0, 1, 0), 0.06),
-        )
-        parts.append((opening, "black"))
+        ankle, level = (float(self.x(0.21)), 0.0, self._top(0.21)), quat_about((0, 1, 0), 0.06)
+        hole = at(extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004), ankle - np.array([0, 0, 0.0018]), level)
+        collar = scaled(revolve(COLLAR, 14, 60), 0.174 * self.length, 0.64 * self.half, 0.015)
+        parts += [(hole, "black"), (at(collar, ankle - np.array([0, 0, 0.0085]), level), self.colour)]
         tongue = at(
-            scaled(sphere(1.0, 5, 10), 0.026, 0.45 * self.half, 0.005),
-            (float(self.x(0.42)), 0, self._top(0.42) + 0.004),
-            quat_about((0, 1, 0), tilt - 0.7),
+            scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004),
+            (float(self.x(0.415)), 0, self._top(0.415) + 0.001),
+            quat_about((0, 1, 0), tilt - 0.42),
         )
-        parts.append((tongue, self.stripe))
+        parts.append((tongue, self.colour))
         return parts
 
     def _stripes(self) -> list[Mesh]:
@@ -114,13 +115,18 @@ class Shoe(Family):
 
     def shape(self) -> Shape:
         rings = self.sections()
-        sole = extrude(self.outline(1.03), self.sole, bevel=0.003)
+        tread = 0.28 * self.sole
+        sole = at(extrude(self.outline(1.03), self.sole - tread), (0, 0, tread))
         upper = loft(rings, crease=60)
         cloth = wrapped("upper", self.colour, self.seed, 0.75, 256)
         solid = [convex_collider(_with_floor(rings[a:b])) for a, b in ((0, 5), (4, 8), (7, 11))]
         return Shape(
             visual=(
                 (sole, rubber(self.sole_colour)),
+                (
+                    extrude(self.outline(1.045), tread - 0.0003),
+                    rubber("brown" if self.sole_colour == "black" else "charcoal"),
+                ),
                 (upper, cloth),
                 *((m, plastic(self.stripe)) for m in self._stripes()),
                 *((m, fabric(c)) for m, c in self._details()),

@@ -5,16 +5,20 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.world.materials import srgb
+from pipeline.world.materials import print_texture, printed, srgb
 from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
-from pipeline.world.objects.geometry import at, rounded_rectangle, scaled, sphere, stack, stacked
+from pipeline.world.objects.geometry import decal, rounded_rectangle, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
 LENGTH = (0.072, 0.095)
+ROUND = (
+    (0.0, 0.86, 0.82), (0.06, 0.93, 0.91), (0.16, 0.985, 0.98), (0.30, 1.0, 1.0), (0.64, 1.0, 1.0),
+    (0.80, 0.98, 0.97), (0.91, 0.94, 0.91), (0.975, 0.88, 0.84), (1.0, 0.82, 0.78),
+)  # fmt: skip
 LEVELS = ((0.0, 0.9, 0.86), (0.22, 1.0, 1.0), (0.72, 1.0, 1.0), (0.93, 0.93, 0.9), (1.0, 0.84, 0.8))
 
 
@@ -44,12 +48,13 @@ class Soap(Family):
         levels = [(z * self.height, x, y) for z, x, y in LEVELS]
         skin = Material(srgb(self.colour), roughness=0.3)
         r, g, b = srgb(self.colour)
-        darker = Material((0.82 * r, 0.82 * g, 0.82 * b), roughness=0.4)
-        oval = at(
-            scaled(sphere(1.0, 4, 16), self.stamp * self.length / 2, self.stamp * self.half, 0.0012), (0, 0, self.height - 0.0004)
+        pressed = printed(print_texture(self.colour, (0.72 * r, 0.72 * g, 0.72 * b), "pressed", "SOAP"), 0.3)
+        top = decal(1.3 * self.stamp * self.length, 1.3 * self.stamp * self.half, (0, 0, self.height + 0.0002))
+        bar = stack(
+            rounded_rectangle(self.length / 2, self.half, self.corner * self.half, 9), ROUND * np.array([self.height, 1, 1]), 60
         )
         return Shape(
-            visual=((stack(outline, levels, 60), skin), (oval, darker)),
+            visual=((bar, skin), (top, pressed)),
             collision=convex_collider(stacked(outline, levels).reshape(-1, 3)),
             mass=1000 * self.length * 2 * self.half * self.height * 0.85,
             friction=0.4,

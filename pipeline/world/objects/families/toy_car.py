@@ -6,15 +6,16 @@ from typing import Self
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.materials import painted, plastic, rubber
+from pipeline.world.materials import glaze, metal, plastic, rubber
 from pipeline.world.objects.colliders import box_collider, convex_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
-from pipeline.world.objects.geometry import at, box, cylinder, side_prism
+from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism
 from pipeline.world.objects.grasping import box_pinches
 from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
+LYING = quat_about((1, 0, 0), np.pi / 2)  # of what turns about y
 LENGTH = (0.095, 0.125)
 FORMS = {  # outline of the cabin as shares of the length (from the rear) and of the cabin's height
     "sedan": [(0.12, 0.0), (0.78, 0.0), (0.62, 1.0), (0.28, 1.0)],
@@ -68,16 +69,20 @@ class ToyCar(Family):
         )
         cabin = np.array([(self.x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
         glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
-        wheels = [
-            at(cylinder(r, 0.009, 14, 0.0015), (self.x(share), side * (w - 0.0085) + 0.0045, r), quat_about((1, 0, 0), np.pi / 2))
-            for share in (0.2, 0.8)
-            for side in (-1, 1)
-        ]
-        hubs = [
-            at(cylinder(0.5 * r, 0.0012, 8), (self.x(share), side * (w - 0.003) + 0.0006, r), quat_about((1, 0, 0), np.pi / 2))
-            for share in (0.2, 0.8)
-            for side in (-1, 1)
-        ]
+        corners = [(share, side) for share in (0.2, 0.8) for side in (-1, 1)]
+        wheels = [at(cylinder(r, 0.009, 14), (self.x(share), side * (w - 0.0085) + 0.0045, r), LYING) for share, side in corners]
+        tyres, hubs = (
+            [
+                at(
+                    revolve([(radius, 0), (0, 0)], 16),
+                    (self.x(share), side * (w + out), r),
+                    quat_about((1, 0, 0), -side * np.pi / 2),
+                )
+                for share, side in corners
+            ]
+            for radius, out in ((1.06 * r, -0.0004), (0.55 * r, 0.0002))
+        )
+        bumpers = [at(box(0.003, 0.9 * w, 0.08 * h, 0.001), (self.x(share), 0, 0.24 * h)) for share in (0.01, 0.985)]
         lamps = [at(box(0.0012, 0.16 * w, 0.1 * h), (self.x(0.985), side * 0.62 * w, 0.42 * h)) for side in (-1, 1)]
         tails = [at(box(0.0008, 0.16 * w, 0.07 * h), (self.x(0.012), side * 0.7 * w, 0.45 * h)) for side in (-1, 1)]
         front = np.array(FORMS[self.form])[[1, 2]]
@@ -91,12 +96,14 @@ class ToyCar(Family):
         points = np.concatenate([np.column_stack([cabin[:, 0], np.full(len(cabin), s * 0.86 * w), cabin[:, 1]]) for s in (-1, 1)])
         return Shape(
             visual=(
-                (side_prism(lower, w - 0.001, 0.003), painted(self.colour)),
-                (side_prism(cabin, 0.86 * w, 0.002), painted(self.roof)),
-                (side_prism(glass, 0.87 * w), plastic("black")),
-                (shield, plastic("black")),
+                (side_prism(lower, w - 0.001, 0.003), glaze(self.colour)),
+                (side_prism(cabin, 0.86 * w, 0.002), glaze(self.roof)),
+                (side_prism(glass, 0.87 * w), glaze("black")),
+                (shield, glaze("black")),
+                *((m, rubber("black")) for m in tyres),
+                *((m, metal()) for m in bumpers),
                 *((m, rubber("black")) for m in wheels),
-                *((m, plastic("silver")) for m in hubs),
+                *((m, metal()) for m in hubs),
                 *((m, plastic("cream")) for m in lamps),
                 *((m, plastic("red")) for m in tails),
             ),

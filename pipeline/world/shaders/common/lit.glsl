@@ -34,7 +34,7 @@ float wear(out float rubbed) {
   vec2 at = inLocal.xy + inLocal.z * vec2(0.62, -0.47);
   float wide = clouds(at * 110.0 + 41.0), fine = square(ivec2(floor(at * 620.0)));
   rubbed = clamp(2.5 * wide - 1.5, 0.0, 1.0);
-  return 0.90 + 0.14 * wide + 0.06 * fine;
+  return 0.925 + 0.10 * wide + 0.07 * fine;
 }
 #endif
 
@@ -132,9 +132,11 @@ vec3 shade() {
   for (int i = 0; i < NUM_DIRECTIONAL_LIGHTS; ++i) {
     vec3 l = -sceneBuffer.directionalLights[i].direction.xyz;
     float cosine = max(dot(n, l), 0.0);
+#ifdef FIRST_LOOK
     float arrives = i < NUM_DIRECTIONAL_LIGHT_SHADOWS ? sunlight(inShadow) : 1.0;
-#ifndef FIRST_LOOK
-    arrives *= smoothstep(0.0, 0.3, cosine);  // facets of curved bodies shade themselves there
+#else
+    float arrives = smoothstep(0.0, 0.3, cosine);  // facets of curved bodies shade themselves there
+    if (i < NUM_DIRECTIONAL_LIGHT_SHADOWS && cosine > 0.0) arrives *= sunlight(inShadow);
 #endif
     vec3 light = sceneBuffer.directionalLights[i].emission.rgb * (cosine * arrives);
     scattered += light;

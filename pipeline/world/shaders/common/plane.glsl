@@ -27,10 +27,11 @@ vec3 shade() {
   return albedo * (inScattered + sun) + inMirrored + sun * inSunMirrored;
 #else
   float open = 1.0;
-  if (NUM_DIRECTIONAL_LIGHT_SHADOWS > 0) {
+  if (NUM_DIRECTIONAL_LIGHT_SHADOWS > 0 && objectDataBuffer.plane < 2) {
     vec4 masks = textureLod(samplerShadowMasks, vec2(1.0 - inShadow.x, inShadow.y), 0.0);
-    sun *= masks[objectDataBuffer.plane];
-    if (objectDataBuffer.plane == 0) open = masks.b;  // what stands on the table takes light from it
+    bool table = objectDataBuffer.plane == 0;
+    sun *= table ? masks.r : masks.g;
+    open = table ? masks.b : 1.0;  // what stands on the table takes light from it
   }
   return (albedo * inScattered + inMirrored + (albedo + inSunMirrored) * sun) * open;
 #endif
