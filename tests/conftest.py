@@ -1,11 +1,15 @@
 """Shared by all tests. Its being here makes pytest put the repository root first on the path, so that `tests.synthetic` is ours."""
 
+import gc
 import os
 from functools import cache
 
 import pytest
 import typer.main
 from hypothesis import settings
+
+# what tests import stays: to look for garbage among it takes a tenth of the time of the imports
+gc.disable()
 
 # what a busy machine delays is no failure
 settings.register_profile("any_machine", deadline=None)
@@ -17,10 +21,24 @@ LEROBOT = (
 )
 """Tests that import lerobot, which takes 8 s of CPU."""
 
+SLOW = (
+    *("run/test_on_a_store.py", "run/test_build.py", "run/test_faults.py", "run/test_renew.py", "run/engine/test_ray_session.py"),
+    *("run/test_render.py", "evaluate/test_evaluate.py", "tasks/test_tasks.py"),
+)
+"""Files with tests of 4 s and more."""
+
 
 def pytest_collection_modifyitems(items):
-    """Put the tests that import lerobot first, so that one test process has them all: others take work from the end of its list."""
-    items.sort(key=lambda item: not item.nodeid.removeprefix("tests/").startswith(LEROBOT))
+    """Put the tests that import lerobot first, so that one test process has them all: others take work from the end of its list.
+    Put slow tests next, so that no process waits for one of them at the end."""
+    names = {item: item.nodeid.removeprefix("tests/") for item in items}
+    items.sort(key=lambda item: (not names[item].startswith(LEROBOT), not names[item].startswith(SLOW)))
+
+
+def pytest_collection_finish():
+    """Collect garbage from now on, of what the tests themselves make."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

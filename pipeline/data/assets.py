@@ -6,6 +6,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -63,9 +64,7 @@ class AssetStore:
         path = self.path(key)
         try:
             check_regular(path)
-            _check_sizes(path)
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
+            arrays = _arrays(path)
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; {_FIX}") from error
@@ -92,17 +91,34 @@ class AssetStore:
                     remove(path)
 
 
-def _check_sizes(path: Path) -> None:
-    """Raise ValueError where an array claims another size than its member of the archive has: reading would ask for that memory."""
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a file that `put` wrote, by name. Raises ValueError if an array claims another size than its member of the
+    archive has, and the errors of zipfile."""
+    arrays, most = dict[str, NDArray[Any]](), INFLATION * path.stat().st_size
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
-            if info.file_size > INFLATION * path.stat().st_size:
+            if info.file_size > most:
                 raise ValueError(f"{info.filename} claims {info.file_size} bytes, more than the file can hold")
-            with archive.open(info) as member:
-                npy.read_magic(member)
-                shape, _, dtype = npy.read_array_header_1_0(member)
-                if math.prod(shape) * dtype.itemsize != info.file_size - member.tell():
-                    raise ValueError(f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size")
+            data = bytearray(archive.read(info))
+            start = npy.MAGIC_LEN + 2 + int.from_bytes(data[npy.MAGIC_LEN :][:2], "little")
+            shape, in_columns, dtype = _header(bytes(data[:start]))
+            if math.prod(shape) * dtype.itemsize != len(data) - start:
+                raise ValueError(f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size")
+            array = np.ndarray(shape, dtype, data, start, order="F" if in_columns else "C")
+            arrays[info.filename.removesuffix(".npy")] = array
+    return arrays
+
+
+@lru_cache(4096)
+def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, order and type that the header of an array says: numpy compiles each header as Python, and few differ. Raises
+    ValueError."""
+    stream = io.BytesIO(data)
+    npy.read_magic(stream)
+    shape, in_columns, dtype = npy.read_array_header_1_0(stream)
+    if dtype.hasobject:
+        raise ValueError("holds Python objects")
+    return shape, in_columns, dtype
 
 
 def _encode(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:

@@ -18,6 +18,8 @@ from pipeline.tasks.contract import expand_tasks
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "python_api.md"
+SMALL = "size=(64, 48), render='raster-fast'"
+"""What the test adds to the recipe of the page: images that are drawn in less time."""
 COMMAND = "import domino_data_command; domino_data_command.main()"
 
 
@@ -30,7 +32,8 @@ def python(code: str, *paths: Path, cwd: Path = ROOT) -> subprocess.CompletedPro
 
 def test_the_page_runs_as_written(tmp_path, monkeypatch, capsys):
     example = tmp_path / "example.py"
-    example.write_text("".join(re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)))
+    code = "".join(re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL))
+    example.write_text(code.replace("episodes=1)", f"episodes=1, {SMALL})", 1))
     monkeypatch.chdir(tmp_path)
     spec = importlib.util.spec_from_file_location("example", example)
     assert spec and spec.loader

@@ -4,6 +4,7 @@ import json
 import shutil
 import signal
 import time
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +16,12 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key
 from pipeline.data.ledger.table import encode
 from pipeline.run.names import recipe_from
+from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.hints import NO_MOTION_HINTS
-from tests.run.command import PATIENCE, ROOT, WANTED, contents, inside, run, slots, start, temporaries
+from tests.full_disk import longest_file
+from tests.run.command import PATIENCE, WANTED, contents, inside, slots, start, temporaries
+from tests.run.processes import wait_for
 from tests.synthetic import make_episode
 
 pytestmark = pytest.mark.usefixtures("without_report")
@@ -162,53 +166,48 @@ def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, verb
 # --- who does the work ------------------------------------------------------------------------------------------------------
 
 
-def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_path):
+def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_path, monkeypatch):
     out = tmp_path / "out"
-    for number, stop in ((1, signal.SIGKILL), (2, signal.SIGINT)):
-        process = start("build", *WANTED, "--out", out, "--quiet", "--executor", "inline")
-        began = time.monotonic()
-        while len(slots(out)) < number and process.poll() is None:
-            assert time.monotonic() - began < PATIENCE
-            time.sleep(0.02)
-        time.sleep(0.3)
-        process.send_signal(stop)
-        _, err = process.communicate(timeout=PATIENCE)
-        if stop == signal.SIGKILL:
-            assert process.returncode == -signal.SIGKILL
-        else:
-            assert process.returncode == 130
-            assert "Traceback" not in err
-            assert "rerun the same command to resume" in err
-            assert not [p for p in temporaries(out) if str(process.pid) in p.name]
-        assert len(slots(out)) == number
-    code, told, err = inside("build", *WANTED, "--out", out, "--quiet", "--json", "--executor", "inline")
+    wanted = ("build", *WANTED, "--out", out, "--quiet", "--executor", "inline")
+    process = start(*wanted)
+    wait_for(lambda: slots(out) or process.poll() is not None, PATIENCE)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == -signal.SIGKILL
+    assert len(slots(out)) == 1
+
+    attempts = []
+
+    def interrupted(*arguments):
+        attempts.append(arguments)
+        if len(slots(out)) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return attempt(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.run.slot.fill.attempt", interrupted)
+        code, _, err = inside(*wanted)
+    assert code == 130
+    assert err.count("\n") == 1 and "rerun the same command to resume" in err
+    assert len(slots(out)) == 2
+    code, told, err = inside(*wanted, "--json")
     assert (code, err, json.loads(told)["made"]) == (0, "", 1)
     assert contents(out) == contents(built)
     assert not temporaries(out)
 
 
-SMALL_DISK = """
-import resource, signal
-import h5py
+def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path, monkeypatch):
+    opened, out = h5py.File.__init__, tmp_path / "out"
+    with ExitStack() as full:
 
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-opened = h5py.File.__init__
+        def cramped(self, *arguments, **options):
+            full.enter_context(longest_file(40_000))
+            opened(self, *arguments, **options)
 
-def cramped(self, *arguments, **options):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, resource.RLIM_INFINITY))
-    opened(self, *arguments, **options)
-
-h5py.File.__init__ = cramped
-"""
-"""No file may grow beyond 400 kB once an episode is being written: what a full disk looks like to HDF5."""
-
-
-def test_a_full_disk_is_one_line_and_leaves_no_half_episode(tmp_path):
-    (tmp_path / "sitecustomize.py").write_text(SMALL_DISK)
-    out = tmp_path / "out"
-    wanted = ("--tasks", "click_bell", "--levels", "1", "--episodes", "1", "--render", "raster-fast", "--executor", "inline")
-    err = run("build", *wanted, "--out", out, "--quiet", code=2, extra={"PYTHONPATH": f"{tmp_path}:{ROOT}"})
-    assert len(err.strip().splitlines()) == 1
+        monkeypatch.setattr(h5py.File, "__init__", cramped)
+        code, _, err = inside("build", *WANTED, "--levels", "1", "--out", out, "--quiet", "--executor", "inline")
+    assert (code, err.count("\n")) == (2, 1)
     assert "too large" in err
     assert [p.name for p in out.rglob("*") if p.suffix in (".hdf5", ".tmp", ".json")] == ["provenance.json"]
 

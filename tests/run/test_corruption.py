@@ -28,9 +28,12 @@ from tests.run.damage import (
     ANNOTATE,
     BUILD,
     EPISODE,
+    FIRST,
     LEDGER_FILE,
     OTHER,
+    SECOND,
     SEGMENT,
+    USER,
     Kind,
     cut,
     directory,
@@ -44,10 +47,11 @@ from tests.run.damage import (
     swap,
     text,
 )
-from tests.run.damages import FLOW, KINDS
+from tests.run.damages import ASSET, FLOW, KINDS
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "measurements" / "corruption.md"
 pytestmark = pytest.mark.usefixtures("without_report")
+FLOW_FILE = f"{FLOW}/{FIRST}.h5"
 FORMATS = {"parquet": {}, "aloha": {}, "robotwin": {"jpeg_order": "rgb"}, "lerobot": {}, "lerobot-v2.1": {}}
 RECIPE = recipe_from(
     {"tasks": "click_bell", "embodiments": "aloha", "levels": 1, "episodes": 2, "size": [64, 48], "cameras": ["head", "left"]}
@@ -73,13 +77,18 @@ def whole(tmp_path_factory, worker_id):
 
 
 def batches() -> list[tuple[Kind, ...]]:
-    """All kinds; those of different episodes or different exports are made at once, since each is judged by itself."""
-    own = [k for k in KINDS if k.file == EPISODE and "another episode" not in k.what]
-    episodes = [tuple(replace(k, file=file) for k, file in zip(pair, (EPISODE, OTHER), strict=False)) for pair in batched(own, 2)]
+    """All kinds; those of different episodes, exports or other files are made at once, since each is judged by itself."""
+    groups = [[k for k in KINDS if k.file == file and "another episode" not in k.what] for file in (EPISODE, FLOW_FILE)]
+    pairs = [
+        tuple(replace(k, file=k.file.replace(FIRST, which)) for k, which in zip(pair, (FIRST, SECOND), strict=False))
+        for own in groups
+        for pair in batched([k for k in own if "exchanged with" not in k.what and k.by != USER], 2)
+    ]
     by_format = [[k for k in KINDS if k.file.startswith(f"exports/{format}/")] for format in FORMATS]
-    exports = [tuple(k for k in group if k is not None) for group in zip_longest(*by_format)]
-    taken = {*own, *(k for of in by_format for k in of)}
-    return [*episodes, *exports, *((k,) for k in KINDS if k not in taken)]
+    others = [[k for k in KINDS if k.file == file] for file in (ASSET, "attempts.parquet", "provenance.json")]
+    mixed = [tuple(k for k in group if k is not None) for of in (by_format, others) for group in zip_longest(*of)]
+    taken = {(k.file.replace(SECOND, FIRST), k.what) for group in (*pairs, *mixed) for k in group}
+    return [*pairs, *mixed, *((k,) for k in KINDS if (k.file, k.what) not in taken)]
 
 
 def copy_for(kinds: tuple[Kind, ...], whole: Path, to: Path) -> Path:
@@ -164,7 +173,7 @@ def test_damage_is_found_and_blamed_on_its_file(kinds, whole, tmp_path):
 
 
 def test_every_kind_is_made():
-    made = sorted((k.file.replace(OTHER, EPISODE), k.what) for batch in batches() for k in batch)
+    made = sorted((k.file.replace(SECOND, FIRST), k.what) for batch in batches() for k in batch)
     assert made == sorted((k.file, k.what) for k in KINDS)
 
 

@@ -1,63 +1,47 @@
 """Editing sources and building again: only what an edit can change is made again, and it has the bytes of a build from nothing."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
 import pytest
 
 from pipeline.run.identity import sources
+from pipeline.tasks import TASKS
+from tests.run.command import inside
+from tests.run.identity.test_slot_keys import CODE, forget
 
-SEVERAL = """
-import contextlib, io, json, sys
-from pipeline.cli import main
-
-told = []
-for words in json.loads(sys.argv[1]):
-    sys.argv = ["domino-data", *words]
-    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
-        main()
-    told.append(json.loads(out.getvalue()))
-print(json.dumps(told))
-"""
-"""Several commands in one process, which saves the start of the others; what each printed, as a list."""
-
-WANTED = ("--manifest", str(Path(__file__).with_name("smallest.yaml")))
-CODE = "\nADDED = 1\n"
+WANTED = ("--manifest", Path(__file__).with_name("smallest.yaml"))
+PHRASE = "Would {arm} be so kind as to ring {bell}?"
 
 
-@pytest.fixture(scope="module")
-def tree(tmp_path_factory):
-    """A copy of the package to edit, with its compiled kernels."""
-    return Path(shutil.copytree(sources.package_root(), tmp_path_factory.mktemp("tree") / "pipeline"))
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    """A copy of the sources to edit, from which this process takes its keys. It runs the sources themselves: no edit of the
+    test but that of the phrases does anything."""
+    root = shutil.copytree(sources.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(sources, "package_root", lambda: root)
+    yield root
+    monkeypatch.undo()
+    forget_sources()
 
 
-def say(tree, *commands):
-    """What each of some commands prints as JSON, run one after another by the edited package."""
-    environment = os.environ | {"PYTHONPATH": str(tree.parent)}
-    done = subprocess.run(
-        [sys.executable, "-c", SEVERAL, json.dumps(commands)],
-        env=environment,
-        cwd=tree.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+def forget_sources():
+    """Make this process read all sources again, as a new one would."""
+    forget()
+    sources.source.cache_clear()
+    sources._closure.cache_clear()
+
+
+def say(*commands):
+    """What each of some commands prints as JSON, run one after another on the edited sources."""
+    forget_sources()
+    return [json.loads(inside(*words, "--json")[1]) for words in commands]
 
 
 def building(out):
-    return ("build", *WANTED, "--executor", "inline", "--quiet", "--json", "--out", str(out))
-
-
-def status(out):
-    return ("status", str(out), "--json")
+    return "build", *WANTED, "--executor", "inline", "--quiet", "--out", out
 
 
 def edit(tree, file, text):
@@ -90,16 +74,18 @@ def arrays(out):
     return kept, spoken
 
 
-def test_edits_redo_only_what_they_can_change(tree, tmp_path):
-    out = tmp_path / "out"
-    (first_build,) = say(tree, building(out))
+@pytest.mark.usefixtures("without_report")
+def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
+    out, bell = tmp_path / "out", type(TASKS["click_bell"])
+    (first_build,) = say(building(out))
     assert first_build["parts"] == {"open": 2}
     first, spoken = arrays(out)
 
     # phrases: no physics and no rendering, only that task's sentences; another task: its slot, and to the same bytes
-    edit(tree, "tasks/library/phrases/click_bell.txt", "Would {arm} be so kind as to ring {bell}?\n")
+    edit(tree, "tasks/library/phrases/click_bell.txt", f"{PHRASE}\n")
+    monkeypatch.setattr(bell, "unseen", (*bell.unseen, PHRASE))
     edit(tree, "tasks/library/move_playingcard_away.py", CODE)
-    told, built = say(tree, status(out), building(out))
+    told, built = say(("status", out), building(out))
     assert {(redo["what"], *redo["because"], redo["slots"]) for redo in told["redo"]} == {
         ("sentences", "phrases", 1),
         ("physics", "task", 1),
@@ -116,8 +102,7 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path):
     edit(tree, "tasks/listing.py", CODE)
     edit(tree, "world/simulation.py", "\n# a remark\n")
     told, built, again, checked, _ = say(
-        *(tree, status(out), building(out), building(out)),
-        *(("verify", str(out), "--json"), building(tmp_path / "nothing")),
+        ("status", out), building(out), building(out), ("verify", out), building(tmp_path / "nothing")
     )
     assert told["redo"] == [{"what": "images", "because": ["renderer"], "slots": 2}]
     assert (built["parts"], again["parts"]) == ({"images": 2}, {})

@@ -1,6 +1,7 @@
 """Where bodies may stand, against numbers written down from the original's code (RoboTwin 2.0 and DOMINO, dynamic versions)."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -75,8 +76,7 @@ def drawn(task: str) -> list[dict[str, np.ndarray]]:
 
 @pytest.fixture(scope="module")
 def layouts():
-    known = {}
-    return lambda task: known.setdefault(task, drawn(task))
+    return cache(drawn)
 
 
 def spans(values: np.ndarray, interval: tuple[float, float], share: float, what: str) -> None:

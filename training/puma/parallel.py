@@ -1,5 +1,5 @@
 """The network and its optimiser over one or several processes: copies (DDP), or weights, gradients and states of AdamW in shares
-(FSDP 2).
+(FSDP 2). What FSDP needs takes 3 s to import: it is imported only for shares.
 
 How much memory each way takes is in memory.py. For shares only the first process ever holds all weights; the others, and the
 network that is trained, begin on the meta device.
@@ -8,20 +8,19 @@ network that is trained, begin on the meta device.
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import torch
 from accelerate import Accelerator, DistributedDataParallelKwargs, DistributedType, init_empty_weights
 from torch import Tensor, distributed, nn
-from torch.distributed.checkpoint.state_dict import StateDictOptions, set_model_state_dict
-from torch.distributed.device_mesh import init_device_mesh
-from torch.distributed.fsdp import FSDPModule, fully_shard
-from torch.distributed.tensor import DTensor, distribute_tensor
 
 from training.puma import trackers
 from training.puma.config import Config, Train
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes, build_model
+
+if TYPE_CHECKING:
+    from torch.distributed.tensor import DTensor
 
 LONGEST_WAIT = timedelta(days=7)
 """How long processes wait for what one of them does alone, such as decoding a dataset."""
@@ -101,6 +100,10 @@ def share_weights(network: Puma, shell: Puma, accelerator: Accelerator, settings
     `zero2` keeps what was gathered in the forward pass until the backward pass is done; `fsdp` gathers every layer twice.
     Raises TrainError for a network whose backbone is frozen: it has little to share, and adapters train as copies.
     """
+    from torch.distributed.checkpoint.state_dict import StateDictOptions, set_model_state_dict
+    from torch.distributed.device_mesh import init_device_mesh
+    from torch.distributed.fsdp import fully_shard
+
     if not all(weight.requires_grad for weight in shell.parameters()):
         raise TrainError(f"train.parallel {settings.parallel} is for networks that are trained as a whole: set it to ddp")
     weights = network.state_dict() if accelerator.is_main_process else {}
@@ -137,17 +140,25 @@ def part() -> None:
 def in_shares(network: nn.Module) -> None:
     """Give up what a forward pass gathered that no backward pass followed: weights are in shares again."""
     for module in network.modules():
-        if isinstance(module, FSDPModule):
-            module.reshard()
+        reshard = getattr(module, "reshard", None)
+        if reshard is not None:
+            reshard()
+
+
+def is_share(tensor: Tensor) -> TypeGuard["DTensor"]:
+    """Whether a tensor is one process's share of a larger one."""
+    return hasattr(tensor, "device_mesh")
 
 
 def whole(tensor: Tensor) -> Tensor:
     """A tensor gathered from its shares; every process must ask for the same ones in the same order."""
-    return tensor.full_tensor() if isinstance(tensor, DTensor) else tensor
+    return tensor.full_tensor() if is_share(tensor) else tensor
 
 
 def like(tensor: Tensor, weight: Tensor) -> Tensor:
     """A whole tensor in shares as those of `weight`, on its device."""
-    if isinstance(weight, DTensor):
+    if is_share(weight):
+        from torch.distributed.tensor import distribute_tensor
+
         return distribute_tensor(tensor.to(weight.device), weight.device_mesh, weight.placements)
     return tensor.to(weight.device)

@@ -1,6 +1,7 @@
 """What is stored beside the episodes: the assets they were drawn from, and their annotations."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +23,16 @@ def check_assets(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]
 
     Returns the findings, and all files that are missing or damaged."""
     store, known = AssetStore(dataset.bodies), dict[str, str]()
-    findings = list(_asset_findings(dataset, named, known))
-    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not _holds(store, path)]
+    holds = cache(partial(_holds, store))
+    findings = list(_asset_findings(dataset, named, known, holds))
+    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not holds(path)]
     return findings, [*(store.path(key) for key, problem in known.items() if problem), *unnamed]
 
 
-def _asset_findings(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]], known: dict[str, str]) -> Iterator[Finding]:
-    """As `check_assets`; what is wrong with each asset is put into `known`."""
+def _asset_findings(
+    dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]], known: dict[str, str], holds: Callable[[Path], bool]
+) -> Iterator[Finding]:
+    """As `check_assets`; what is wrong with each asset is put into `known`. `holds` tells of a file whether it is an asset."""
     store = AssetStore(dataset.bodies)
     for name, assets in named:
         yield observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
@@ -42,7 +46,7 @@ def _asset_findings(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, st
                     yield Finding("assets", known[key].replace(f"{dataset.root}/", ""))
     wanted = {store.path(key) for key in known}
     for path in sorted(p for p in dataset.bodies.rglob("*") if p.is_file() and p.suffix != ".tmp"):
-        if path not in wanted and (path.suffix != ".npz" or not _holds(store, path)):
+        if path not in wanted and (path.suffix != ".npz" or not holds(path)):
             yield Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it")
 
 

@@ -2,7 +2,9 @@
 
 import os
 import shutil
+from contextlib import suppress
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -177,19 +179,23 @@ def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
     assert changed == ["packages"]
 
 
-@pytest.mark.parametrize("task", sorted(TASKS))
-def test_every_scene_places_what_its_key_names(task):
-    """With every robot, and with distractors."""
+@pytest.mark.parametrize(("task", "robot"), zip(sorted(TASKS), cycle(MODELS)))
+def test_every_scene_places_what_its_key_names(task, robot):
+    """With each robot in turn, and with distractors."""
     known = families_of(TASKS[task])
     assert known
-    for robot in MODELS:
-        try:
-            scene = build_scene(EpisodeSpec(task, robot, 1, 0.1, "randomized", slot=0, seed=1000))
-        except Failure:
-            continue
-        placed = {body.family: name in scene.clutter for name, body in scene.bodies.items()}
-        assert all(family in (CLUTTER_FAMILIES if clutter else known) for family, clutter in placed.items())
-        assert {type(body.instance) for body in scene.bodies.values()} == {FAMILIES[family] for family in placed}
+    scene = first_scene(EpisodeSpec(task, robot, 1, 0.1, "randomized", slot=0, seed=1000))
+    placed = {body.family: name in scene.clutter for name, body in scene.bodies.items()}
+    assert all(family in (CLUTTER_FAMILIES if clutter else known) for family, clutter in placed.items())
+    assert {type(body.instance) for body in scene.bodies.values()} == {FAMILIES[family] for family in placed}
+
+
+def first_scene(spec):
+    """The scene of the first seed for which there is room."""
+    for seed in range(spec.seed, spec.seed + 20):
+        with suppress(Failure):
+            return build_scene(replace(spec, seed=seed))
+    raise AssertionError(f"no scene of {spec}")
 
 
 class Computed(type(TASKS["click_bell"])):
