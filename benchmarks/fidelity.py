@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.beside_original import DRAWS, conditions, extents, layouts, moved, original, originals, reasons, seen, span
+from benchmarks.beside_original import DRAWS, conditions, extents, layouts, moved, original, originals, reasons, visible_range, span
 from pipeline.tasks import TASKS, Task
 from pipeline.tasks.contract import expand_tasks
 
@@ -39,7 +39,7 @@ def regions() -> Iterator[tuple[str, ...]]:
         ours, theirs, other = extents(name), originals(name), moved(name)
         left = "\n".join(f"{body}: {extent}" for body, extent in ours.items())
         right = "\n".join(f"{body}: {theirs[body] if body in other else 'the same'}" for body in ours if body in theirs)
-        cut = seen(name)
+        cut = visible_range(name)
         view = f"the head camera sees the target from x {cut[0]:.2f} to {cut[1]:.2f} only" if cut else ""
         yield name, left, right, "; ".join(part for part in (reasons().get(name, ""), view) if part)
 
