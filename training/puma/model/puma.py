@@ -73,15 +73,10 @@ class Standard(nn.Module):
         return ((values - self.mean) / self.spread).clamp(-FARTHEST, FARTHEST)
 
 
-class _Chooser(nn.Sequential):
-    """Scaled aims (B,AIMS) -> logits (B,CHOICES). Reads the track alone: the arm that has moved is not the reason to move it."""
-
-    def __init__(self) -> None:
-        first, second, third = (nn.Linear(a, b) for a, b in pairwise((NUMBERS, CHOOSER, CHOOSER, len(CHOICES))))
-        super().__init__(first, nn.ReLU(), second, nn.ReLU(), third)
-
-    def forward(self, aims: Tensor) -> Tensor:
-        return super().forward(aims[:, :NUMBERS])
+def _chooser() -> nn.Sequential:
+    """Scaled tracks (B,NUMBERS) -> logits (B,CHOICES). No tools: the arm that has moved is not the reason to move it."""
+    first, second, third = (nn.Linear(a, b) for a, b in pairwise((NUMBERS, CHOOSER, CHOOSER, len(CHOICES))))
+    return nn.Sequential(first, nn.ReLU(), second, nn.ReLU(), third)
 
 
 class Puma(nn.Module):
@@ -98,7 +93,7 @@ class Puma(nn.Module):
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.finder = None if model.track is None else FinderNet(model.track, len(AXES)).requires_grad_(False)
         self.aim_scale = None if model.track is None else Standard(AIMS)
-        self.chooser = _Chooser() if model.arms else None
+        self.chooser = _chooser() if model.arms else None
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
@@ -116,13 +111,13 @@ class Puma(nn.Module):
             return Outputs(
                 self.action_head(hidden[:, -self.config.model.chunk :]),
                 None if self.world_head is None else self.world_head(world),
-                None if self.chooser is None else self.chooser(given["aims"]),
+                None if self.chooser is None else self.chooser(given["aims"][:, :NUMBERS]),
             )
 
     def choices(self, aims: Tensor) -> Tensor:
         """How likely (B,CHOICES) each choice of arms is for `aims` (B,AIMS)."""
         assert self.chooser is not None and self.aim_scale is not None
-        return self.chooser(self.aim_scale(aims)).softmax(-1)
+        return self.chooser(self.aim_scale(aims)[:, :NUMBERS]).softmax(-1)
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
         """`action`, `world` where it is predicted, and their weighted sum `loss`."""
