@@ -43,7 +43,7 @@ class Catch:
 
 
 CATCHES = (
-    Catch("ur5e-robotiq", "red_mug", "cup", "place_empty_cup"),
+    Catch("ur5e-robotiq", "plain_mug", "cup", "place_empty_cup"),
     Catch("kinova3-robotiq", "milk", "pill_bottle", "move_pillbottle_pad"),
     Catch("xarm7-robotiq", "soda_can", "can", "place_can_basket"),
     Catch("ms-panda", "bread_loaf", "bread", "place_bread_basket"),
