@@ -50,7 +50,7 @@ REAL = (
     Real(f"{SUITE}/bottle.obj", "glass_bottle", "lying_bottle", "adjust_bottle"),
     Real(f"{SUITE}/cylinder.obj", "rod", "pill_bottle", "move_pillbottle_pad", 0.03),
     Real(f"{SUITE}/cube.obj", "cube_5cm", CARDS, AWAY, 0.05),
-    Real(f"{BULLET}/objects/mug.obj", "red_mug", "cup", "place_empty_cup", 1.0, "z"),
+    Real(f"{BULLET}/objects/mug.obj", "plain_mug", "cup", "place_empty_cup", 1.0, "z"),
     Real(f"{BULLET}/duck.obj", "duck", CARDS, AWAY, 0.05, "y"),
     Real(f"{BULLET}/soccerball.obj", "soccer_ball", CARDS, AWAY, 0.06),
     Real(f"{BULLET}/lego/lego.obj", "lego_brick", CARDS, AWAY, 0.15),

@@ -43,7 +43,7 @@ class Catch:
 
 
 CATCHES = (
-    Catch("ur5e-robotiq", "red_mug", "cup", "place_empty_cup"),
+    Catch("ur5e-robotiq", "plain_mug", "cup", "place_empty_cup"),
     Catch("kinova3-robotiq", "milk", "pill_bottle", "move_pillbottle_pad"),
     Catch("xarm7-robotiq", "soda_can", "can", "place_can_basket"),
     Catch("ms-panda", "bread_loaf", "bread", "place_bread_basket"),
@@ -101,8 +101,9 @@ def main() -> None:
             print(f"left out: {one.robot} with {one.name}", flush=True)
             continue
         seen = images(rollout)
-        for name, image in seen.items() if given.frames is not None else ():
-            save(given.frames / f"{one.robot}_{one.name}_{name}.png", image)
+        if given.frames is not None:
+            for name, image in seen.items():
+                save(given.frames / f"{one.robot}_{one.name}_{name}.png", image)
         across = labelled(scaled(seen["across"], WIDTH), f"{one.robot}: {one.name.replace('_', ' ')}")
         panels.append(np.vstack([across, scaled(seen["close"], WIDTH)]))
     rows = [np.hstack(panels[k : k + ACROSS]) for k in range(0, len(panels) // ACROSS * ACROSS, ACROSS)]

@@ -36,6 +36,16 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
         raise DominoError(f"{path}: is an MJCF; to read it, `pip install domino-data[mjcf]`") from error
 
     _check_files(path, mesh_folders(path, root)[-1])
+    # without a listener MuJoCo writes its warnings to a file in the current directory
+    listener = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        return _compiled(mujoco, path, scratch)
+    finally:
+        mujoco.set_mju_user_warning(listener)
+
+
+def _compiled(mujoco: Any, path: Path, scratch: Path) -> UrdfRobot:
     try:
         model = mujoco.MjSpec.from_file(str(path)).compile()
     except (ValueError, mujoco.FatalError) as error:

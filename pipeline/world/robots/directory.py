@@ -140,9 +140,9 @@ class Model:
     def _arm(self) -> Arm:
         settings = self.settings
         robot = read_urdf(self.directory / URDF, self.directory)
-        tcp = frame(settings.tcp.position, settings.tcp.approach, settings.tcp.opening)
-        camera = settings.camera
-        jaws = settings.gripper
+        approach, opening = settings.tcp.approach, settings.tcp.opening
+        tcp = frame(settings.tcp.position, approach, np.cross(np.cross(approach, opening), approach))
+        camera, jaws = settings.camera, settings.gripper
         joints = tuple(_limited(joint, settings.limits.get(joint.name)) for joint in robot.parent_joint.values())
         return Arm(
             model=self.name,

@@ -119,11 +119,13 @@ def test_an_arm_takes_a_gripper_of_another_file(tmp_path, flange):
         ("END", FLANGE + '<body name="cam"/>', "not clear (found flange, cam); give --flange LINK"),
     ],
 )
-def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, old, new, words):
+def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, words):
     assert old in ARM
+    monkeypatch.chdir(tmp_path)
     gripper = put(tmp_path, LINKAGE, "gripper.xml")
     path = put(tmp_path / "a" / "b" / "c", ARM.replace(old, new).replace("END", FLANGE))
     assert words in refused(tmp_path, path, "--gripper", gripper)
+    assert not list(tmp_path.glob("MUJOCO_LOG*"))
 
 
 @pytest.mark.parametrize(
