@@ -93,7 +93,7 @@ def _blend(
 
 
 @njit(cache=True, error_model="numpy")
-def _end(luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, int, int]) -> tuple[int, int]:
+def _end(luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]) -> tuple[int, np.int32]:
     """Steps of `stride` to where an edge ends, at most `steps` inside the image, and how far off its brightness is (0: unknown).
 
     `edge` is the offset of the pixel across it, twice its brightness, and how steep it is.
@@ -104,4 +104,4 @@ def _end(luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[i
         off = np.int32(luma[p]) + np.int32(luma[p + side]) - middle
         if abs(off) * 2 >= slope:
             return k, off
-    return min(steps + 1, FARTHEST), 0
+    return min(steps + 1, FARTHEST), np.int32(0)

@@ -66,7 +66,7 @@ class Renderer:
         self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
         solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
         look = look_of(visuals.look)
-        planes = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
+        planes: dict[str, Parts] = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
         planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
         self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}

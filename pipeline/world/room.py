@@ -15,7 +15,7 @@ from pipeline.world.textures import Rgba
 
 LEG_WIDTH = 0.05
 TABLE_ROUGHNESS = 0.45
-MATT = dict.fromkeys(
+MATT: dict[str, float] = dict.fromkeys(
     ("linen", "gingham", "felt", "concrete"), 0.95
 )  # roughness of table tops without sheen, from the second look on
 WALL_Y = 1.0

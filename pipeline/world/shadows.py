@@ -135,7 +135,8 @@ def table_window(direction: ArrayLike) -> tuple[slice, slice]:
     corners = signs * (*TABLE_HALF, TABLE_THICKNESS) + signs * (SHADOW_OFFSET, SHADOW_OFFSET, 0)
     x, y = (corners @ sun_axes(direction)[:2].T / SHADOW_HALF_SIZE).T
     sides = [(np.array([at.min(), at.max()]) * 0.5 + 0.5) * SHADOW_MAP for at in (y, -x)]  # the map is mirrored in x
-    return tuple(slice(max(int(a) - FAR // 2 - 2, 0), min(int(b) + FAR // 2 + 3, SHADOW_MAP)) for a, b in sides)
+    rows, columns = (slice(max(int(a) - FAR // 2 - 2, 0), min(int(b) + FAR // 2 + 3, SHADOW_MAP)) for a, b in sides)
+    return rows, columns
 
 
 def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:

@@ -62,7 +62,7 @@ def test_light_from_a_side_falls_on_the_slopes_that_face_it() -> None:
             and np.array_equal(lit[:, 2:6], texture[:, 2:6])
         )
     across = embossed(parts, (0.0, 0.7, -1.0))[0][1].texture
-    assert np.array_equal(across, texture)
+    assert across is not None and np.array_equal(across, texture)
 
 
 def test_planes_of_the_room_are_prepared_for_a_camera_type() -> None:
