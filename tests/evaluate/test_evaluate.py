@@ -173,18 +173,18 @@ def rows_of(out):
 
 def test_killed_and_gone_on_with_gives_what_two_workers_give(tmp_path):
     serial, parallel = tmp_path / "serial", tmp_path / "parallel"
-    wanted = ("--policy", "random", *WANTED, "--episodes", "3")
+    wanted = ("--policy", "random", *WANTED, "--episodes", "2")
     process = start("evaluate", *wanted, "--executor", "inline", "--out", serial, new_session=True)
     file, deadline = serial / "episodes.jsonl", time.monotonic() + PATIENCE
-    while not (file.exists() and file.read_bytes().count(b"\n") >= 2) and process.poll() is None:
+    while not (file.exists() and file.read_bytes().count(b"\n") >= 1) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     finished = len(rows_of(serial))
-    assert 2 <= finished < 6
+    assert 1 <= finished < 4
     told = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
-    assert told["run"] == 6 - finished
+    assert told["run"] == 4 - finished
     manifests = ("--manifests", serial / "manifests")
     other = json.loads(command(*wanted, "--executor", "ray", "--workers", "2", *manifests, "--out", parallel, "--json"))
     assert other["results"] == told["results"]
@@ -193,7 +193,7 @@ def test_killed_and_gone_on_with_gives_what_two_workers_give(tmp_path):
     assert again["run"] == 0
     assert again["results"] == told["results"]
     keys = {"task", "level", "alpha", "episodes", "success_rate", "route_completion", "manipulation_score"}
-    assert all(keys <= cell.keys() and cell["episodes"] == 3 for cell in told["results"])
+    assert all(keys <= cell.keys() and cell["episodes"] == 2 for cell in told["results"])
     assert np.mean([cell["success_rate"] for cell in told["results"]]) < 50
 
 

@@ -10,6 +10,7 @@ from tests.run.command import inside
 
 RECIPE = """
 tasks: click_bell
+render: raster-fast
 levels: 1
 episodes: 1
 fps: 30
