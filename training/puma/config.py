@@ -88,12 +88,20 @@ class Finder(_Part):
     """Height and width (px) of the crop."""
     reach: Annotated[float, Field(gt=0, le=0.2)] = 0.03
     """Distance (m) from the target's origin of the points that show its x axis and its z axis."""
+    touches: bool = False
+    """Whether the places at which both tools are when the target is first touched are found in every image, too. They show the
+    size of a target that two arms grasp."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
     batch: Annotated[int, Field(ge=1)] = 64
     rate: Annotated[float, Field(gt=0)] = 3e-3
     """Highest learning rate."""
+
+    @property
+    def points(self) -> int:
+        """Points that are found: the origin, one on each of two axes, and the places of both tools."""
+        return 5 if self.touches else 3
 
 
 class Model(_Part):

@@ -12,7 +12,7 @@ from training.puma.model.inputs import Inputs
 from training.puma.model.perceptron import PerceptronBackbone
 from training.puma.model.text import HashedWords, Words
 from training.puma.model.tiny import TinyBackbone
-from training.puma.track import AIMS, AXES
+from training.puma.track import aim_numbers
 
 FARTHEST = 8.0
 """Standard deviations at which numbers are clipped: a target that is taken for something else may be found anywhere."""
@@ -76,8 +76,8 @@ class Puma(nn.Module):
         self.extra = nn.ModuleDict({name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()})
         self.action_head = ActionHead(width, sizes.joints)
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
-        self.finder = None if model.track is None else FinderNet(model.track, len(AXES)).requires_grad_(False)
-        self.aim_scale = None if model.track is None else Standard(AIMS)
+        self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
+        self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
@@ -113,7 +113,7 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
         "past_time": model.history_length if model.history_times and model.history != "none" else 0,
         "state": sizes.joints if model.state else 0,
         "clock": 1 if model.clock else 0,
-        "aims": AIMS if model.track else 0,
+        "aims": aim_numbers(model.track.points) if model.track else 0,
         "oracle": 3 * model.world_queries if model.oracle else 0,
     }
     return {name: n for name, n in wanted.items() if n}
