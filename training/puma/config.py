@@ -133,6 +133,9 @@ class Model(_Part):
     track: Finder | None = None
     """Whether the target's position and velocity are an input, found in the images of the first camera up to now, and its way from
     each tool. The camera must stand still, and `data.image_size` must be that of its images."""
+    modes: Annotated[int, Field(ge=1, le=16)] = 1
+    """Chunks among which the policy chooses. With one, demonstrations that do the same in different ways, such as a wrist turned to
+    either side, teach what lies between them."""
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False

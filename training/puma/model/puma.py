@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from training.puma.config import Config
 from training.puma.model.finder import FinderNet
-from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss
+from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
 from training.puma.model.perceptron import PerceptronBackbone
 from training.puma.model.text import HashedWords, Words
@@ -20,10 +20,14 @@ FARTHEST = 8.0
 
 @dataclass(eq=False)
 class Outputs:
-    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted."""
+    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted.
+
+    Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are those with the highest score."""
 
     actions: Tensor
     world: Tensor | None
+    chunks: Tensor | None = None
+    scores: Tensor | None = None
 
 
 @dataclass(eq=False)
@@ -74,7 +78,8 @@ class Puma(nn.Module):
         self.backbone = backbone
         self.queries = nn.Parameter(0.02 * torch.randn(model.queries, width))
         self.extra = nn.ModuleDict({name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()})
-        self.action_head = ActionHead(width, sizes.joints)
+        self.action_head = ActionHead(width, model.modes * sizes.joints)
+        self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
         self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
@@ -89,20 +94,26 @@ class Puma(nn.Module):
         hidden = self.backbone(inputs, torch.cat(extras, 1) if extras else empty, self.queries).float()
         device = hidden.device.type
         with torch.autocast(device, enabled=False):
-            world = hidden[:, : -self.config.model.chunk]
-            return Outputs(
-                self.action_head(hidden[:, -self.config.model.chunk :]),
-                None if self.world_head is None else self.world_head(world),
-            )
+            before, last = hidden[:, : -self.config.model.chunk], hidden[:, -self.config.model.chunk :]
+            world, actions = None if self.world_head is None else self.world_head(before), self.action_head(last)
+            if self.mode_head is None:
+                return Outputs(actions, world)
+            chunks = actions.unflatten(-1, (-1, self.sizes.joints)).transpose(1, 2)
+            scores = self.mode_head(last.mean(1))
+            return Outputs(chunks[torch.arange(len(chunks)), scores.argmax(1)], world, chunks, scores)
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
-        """`action`, `world` where it is predicted, and their weighted sum `loss`."""
-        found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
-        found["loss"] = found["action"]
+        """`action`, `mode` where several chunks are predicted, `world` where it is, and their weighted sum `loss`."""
+        if outputs.chunks is None or outputs.scores is None:
+            found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
+            found["loss"] = found["action"]
+        else:
+            action, mode = mode_loss(outputs.chunks, outputs.scores, targets.action, targets.action_valid)
+            found = {"action": action, "mode": mode, "loss": action + mode}
         if outputs.world is not None and targets.world is not None and targets.world_valid is not None:
             measure = box_loss if self.config.model.world == "boxes" else feature_loss
             found["world"] = measure(outputs.world, targets.world, targets.world_valid)
-            found["loss"] = found["action"] + self.config.train.world_weight * found["world"]
+            found["loss"] = found["loss"] + self.config.train.world_weight * found["world"]
         return found
 
 
