@@ -199,8 +199,8 @@ def test_only_the_best_of_several_chunks_is_drawn_to_a_sample():
     scores = torch.zeros(2, 2, requires_grad=True)
     action, mode = mode_loss(chunks, scores, wanted, valid)
     # summed errors of the chunks: 1 and 4 for the first sample, 1.5 and 0 for the second, over 3 steps that exist
-    assert float(action) == pytest.approx((1 - EVERY) * (1 + 0) / 3 + EVERY * (2.5 + 0.75) / 3)
-    assert float(mode) == pytest.approx(np.log(2))
+    assert action.item() == pytest.approx((1 - EVERY) * (1 + 0) / 3 + EVERY * (2.5 + 0.75) / 3)
+    assert mode.item() == pytest.approx(np.log(2))
     (action + mode).backward()
     assert chunks.grad is not None and scores.grad is not None
     assert float(chunks.grad[0, 1].abs().max()) < 0.1 * float(chunks.grad[0, 0].abs().max())
