@@ -6,6 +6,7 @@ EPISODES ?= 2
 TASK ?= click_bell
 LEVELS ?= 0,1,3
 PUMA ?= out/puma
+CONFIG ?= puma-small
 TASKS ?= click_bell,place_container_plate,beat_block_hammer,shake_bottle,grab_roller,handover_block
 
 # one thread a process: the work is spread over processes
@@ -24,10 +25,10 @@ build: setup  ## set up, then make, export and verify the first dataset (OUT, TA
 	$(VENV)/domino-data export $(OUT) --format lerobot
 	$(VENV)/domino-data verify $(OUT)
 
-puma: setup  ## make a dataset of one task, train a small policy on its images, evaluate it in closed loop (TASK, LEVELS, PUMA)
+puma: setup  ## make a dataset of one task, train a small policy on its images, evaluate it in closed loop (TASK, LEVELS, CONFIG, PUMA)
 	$(VENV)/domino-data build --manifest manifests/puma-small.yaml --tasks $(TASK) --levels $(LEVELS) --out $(PUMA)/data || test $$? = 3
 	$(VENV)/domino-data export $(PUMA)/data --format parquet
-	$(VENV)/puma train --config puma-small --data $(PUMA)/data --out $(PUMA)/run --set data.cache=$(PUMA)/cache
+	$(VENV)/puma train --config $(CONFIG) --data $(PUMA)/data --out $(PUMA)/run --set data.cache=$(PUMA)/cache
 	$(VENV)/puma replay-check $(PUMA)/run
 	$(VENV)/puma eval $(PUMA)/run --tasks $(TASK) --embodiment aloha --levels $(LEVELS) --episodes 50 --out $(PUMA)/evaluation
 

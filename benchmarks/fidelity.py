@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.beside_original import DRAWS, conditions, extents, layouts, moved, original, originals, reasons, visible_range, span
+from benchmarks.beside_original import DRAWS, conditions, extents, layouts, moved, original, originals, reasons, span, visible_range
 from pipeline.tasks import TASKS, Task
 from pipeline.tasks.contract import expand_tasks
 

@@ -21,7 +21,7 @@ from training.puma.loader import Loader
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.shards import Row
-from training.puma.track import NUMBERS
+from training.puma.track import track_numbers
 from training.puma.train import groups, on, sizes_of
 
 EPISODE = 100
@@ -42,7 +42,7 @@ def made_up(config: Config, folder: Path, frames: int = 500) -> Corpus:
     shapes |= {"time": ((), np.float32), "position": ((3,), np.float32)}
     if model.track:
         shapes |= {"target": ((7,), np.float32), "camera": ((7,), np.float32), "free": ((), np.bool_)}
-        shapes |= {"track": ((NUMBERS,), np.float32), "tools": ((len(SIDES), 3), np.float32)}
+        shapes |= {"track": ((track_numbers(model.track.points),), np.float32), "tools": ((len(SIDES), 3), np.float32)}
     if model.history != "none":
         shapes["past"] = (*data.flow_size, 3), np.uint8
     if model.world != "none":

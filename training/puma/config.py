@@ -88,12 +88,20 @@ class Finder(_Part):
     """Height and width (px) of the crop."""
     reach: Annotated[float, Field(gt=0, le=0.2)] = 0.03
     """Distance (m) from the target's origin of the points that show its x axis and its z axis."""
+    touches: bool = False
+    """Whether the places at which both tools are when the target is first touched are found in every image, too. They show the
+    size of a target that two arms grasp."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
     batch: Annotated[int, Field(ge=1)] = 64
     rate: Annotated[float, Field(gt=0)] = 3e-3
     """Highest learning rate."""
+
+    @property
+    def points(self) -> int:
+        """Points that are found: the origin, one on each of two axes, and the places of both tools."""
+        return 5 if self.touches else 3
 
 
 class Model(_Part):
@@ -128,6 +136,9 @@ class Model(_Part):
     arms: bool = False
     """Whether a small network chooses which arms act, and its choice is an input. It sees the track alone. A choice is kept until
     another one is much likelier: a policy that decides again at every chunk may start with both arms and arrive with none."""
+    modes: Annotated[int, Field(ge=1, le=16)] = 1
+    """Chunks among which the policy chooses. With one, demonstrations that do the same in different ways, such as a wrist turned to
+    either side, teach what lies between them."""
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False

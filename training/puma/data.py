@@ -145,7 +145,7 @@ def batch_of(part: Part, places: NDArray[np.int64], config: Config, preprocessin
     `image_<camera>` (B,h,w,3) uint8, where the network looks at them; `past` (B,h,fh,fw,3) uint8, oldest first, and `past_time`
     (B,h) s, at most 0; `state` (B,A) and `action` (B,K,A) normalised; `clock` (B,) s; `world` (B,N,D) and `oracle` (B,N,3) m.
     `action_valid` (B,K) is False past the last frame of the episode, `world_valid` (B,N) also where the target was not seen. `row`
-    (B,) numbers the episodes. Where the target is tracked: `track` (B,NUMBERS), `tools` (B,2,3) m, `free` (B,), whether the
+    (B,) numbers the episodes. Where the target is tracked: `track` (B,2K+2), `tools` (B,2,3) m, `free` (B,), whether the
     robot has not touched it yet, and `choice` (B,), the number of the arms that act.
 
     History before the first frame is the first frame, whose flow map is black, as at the start of an episode that is played.

@@ -194,7 +194,7 @@ class PumaPolicy(BatchPolicy):
         return [self._targets(out[i], seen) for i, (_, seen) in enumerate(asked)]
 
     def _chosen(self, before: int | None, seen: NDArray[np.float32]) -> int:
-        """Which arms act, after the choice `before`, for aims (1,AIMS)."""
+        """Which arms act, after the choice `before`, for aims (1,F)."""
         with torch.inference_mode():
             likely = self._network.choices(torch.from_numpy(seen).to(self._device))[0].cpu().numpy()
         best = int(likely.argmax())

@@ -19,8 +19,16 @@ Floats = NDArray[np.float64]
 AXES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """The points of a target that are found, in its frame, in units of the finder's reach: its origin, and one on each of two axes."""
 
-NUMBERS = 2 * len(AXES) + 2
-"""Numbers of a track: x and y of the origin, of its velocity, and of the way to each further point."""
+
+def track_numbers(points: int) -> int:
+    """Numbers of a track of so many points: x and y of the origin, of its velocity, and of the way to each further point."""
+    return 2 * points + 2
+
+
+def aim_numbers(points: int) -> int:
+    """Numbers of `aims` for a track of so many points."""
+    return track_numbers(points) + 10
+
 
 UNSTEADY = 0.25
 """Standard deviation (m/s2) of the acceleration that the filter expects of a target."""
@@ -53,10 +61,15 @@ class Sight:
     def camera(self) -> CameraType:
         return CameraType(self.size[1], self.size[0], self.fovy)
 
-    def pixels(self, poses: ArrayLike) -> Floats:
-        """(N,K,2) columns and rows (px) of the points of targets at world poses (N,7)."""
+    def pixels(self, poses: ArrayLike, further: ArrayLike | None = None) -> Floats:
+        """(N,K,2) columns and rows (px) of the points of targets at world poses (N,7), the `further` ones (N,J,3) m last.
+
+        These are in the frames of the targets."""
         poses = np.asarray(poses, float)
-        points = poses[:, None, :3] + quat_rotate(poses[:, None, 3:], self.reach * AXES)
+        points = np.broadcast_to(self.reach * AXES, (len(poses), *AXES.shape))
+        if further is not None:
+            points = np.concatenate([points, np.asarray(further, float)], 1)
+        points = poses[:, None, :3] + quat_rotate(poses[:, None, 3:], points)
         return project(self.camera, np.array(self.pose), points)[0]
 
     def places(self, pixels: ArrayLike) -> Floats:
@@ -89,7 +102,7 @@ class Track:
         self._sight, self._pixel = sight, sight.metres(1.0)
         self._time = -np.inf
         self._motion, self._cov = np.zeros((2, 2)), np.zeros((2, 2))
-        self._ways, self._spread = np.zeros((len(AXES) - 1, 2)), np.zeros((len(AXES) - 1, 1))
+        self._ways, self._spread = np.zeros((0, 2)), np.zeros((0, 1))
 
     def see(self, time: float, pixels: ArrayLike, errors: ArrayLike) -> None:
         """Take in points found at `pixels` (K,2) at `time` (s), with the errors (K,) px that are expected of them.
@@ -127,12 +140,12 @@ class Track:
 
     @property
     def numbers(self) -> NDArray[np.float32]:
-        """(NUMBERS,) position (m), velocity (m/s), ways to the further points (m)."""
+        """(2 K + 2,) position (m), velocity (m/s), ways to the further points (m)."""
         return np.concatenate([self._motion.ravel(), self._ways.ravel()]).astype(np.float32)
 
 
 def aims(track: NDArray[Any], tools: NDArray[Any]) -> NDArray[np.float32]:
-    """Features (B,AIMS) of tracks (B,NUMBERS) and the positions (B,2,3) of both tools, as a network's input.
+    """Features (B,F) of tracks (B,2K+2) and the positions (B,2,3) of both tools, as a network's input.
 
     The track, the tools, and the displacement on the table from each tool to the target."""
     ways = track[:, None, :2] - tools[:, :, :2]
@@ -142,6 +155,3 @@ def aims(track: NDArray[Any], tools: NDArray[Any]) -> NDArray[np.float32]:
 
 CHOICES = ("left", "right", "both")
 """Which arms act in an episode."""
-
-AIMS = NUMBERS + 10
-"""Numbers of `aims`."""

@@ -12,6 +12,7 @@ from tqdm import tqdm
 from pipeline.data.names import SIDES
 from pipeline.planning.kinematics import fk_batch
 from pipeline.planning.planner import planner_for
+from pipeline.poses import inverse, transform
 from training.puma.cache import Cache
 from training.puma.config import Config
 from training.puma.data import Arrays, Corpus
@@ -35,7 +36,7 @@ FRAMES = 128
 
 
 def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = True) -> Corpus:
-    """The corpus with the arrays `track` (N,NUMBERS), `tools` (N,2,3) m and `choice` (N,), which of CHOICES acts, for every frame.
+    """The corpus with the arrays `track` (N,2K+2), `tools` (N,2,3) m and `choice` (N,), which of CHOICES acts, for every frame.
 
     Trains the finder of the network, and fits the scale of what is found, unless they are `trained` already. The same for the same
     corpus, configuration, torch and processor. Raises TrainError if no image shows the target before it is touched.
@@ -65,6 +66,18 @@ def tools_of(embodiment: str, joints: NDArray[Any]) -> NDArray[np.float32]:
         out[:, SIDES.index(side)] = fk_batch(chain, np.asarray(joints[:, first : first + chain.dof], float))[:, :3]
         first += chain.dof + 1
     return out
+
+
+def touch_points(cache: Cache) -> NDArray[np.float64]:
+    """Positions (N,2,3) m of the tools in the target's frame at the first touch of its episode, at the end without one."""
+    arrays, out = cache.arrays, list[NDArray[np.float64]]()
+    for start, length in zip(cache.start, cache.length, strict=True):
+        free = arrays["free"][start : start + length]
+        at = start + min(int(np.count_nonzero(free)), length - 1)
+        [tools] = tools_of(cache.rows[0].embodiment, arrays["state"][at : at + 1])
+        target = np.asarray(arrays["target"][at], float)
+        out.append(np.repeat(transform(inverse(target), tools)[None], length, 0))
+    return np.concatenate(out)
 
 
 @dataclass(frozen=True)
@@ -103,7 +116,8 @@ def _train(finder: FinderNet, sight: Sight, corpus: Corpus, quiet: bool) -> None
     camera, size = f"image_{corpus.config.data.cameras[0]}", np.array(sight.size[::-1])
     views, points = list[_View](), list[NDArray[np.float64]]()
     for part in corpus.train:
-        pixels, images = sight.pixels(part.cache.arrays["target"][part.frame]), part.cache.arrays[camera]
+        further = touch_points(part.cache)[part.frame] if settings.touches else None
+        pixels, images = sight.pixels(part.cache.arrays["target"][part.frame], further), part.cache.arrays[camera]
         inside = np.flatnonzero(((pixels[:, 0] >= 0) & (pixels[:, 0] < size)).all(-1))
         points.append(pixels[inside])
         views += [_View(images, int(part.frame[i])) for i in inside]

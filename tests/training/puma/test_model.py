@@ -10,7 +10,7 @@ from transformers import Qwen3VLConfig, Qwen3VLForConditionalGeneration
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma.config import Config, Lora
 from training.puma.errors import TrainError
-from training.puma.model.heads import action_loss, box_loss, feature_loss
+from training.puma.model.heads import EVERY, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
 from training.puma.model.puma import Puma, Sizes, Targets, build_model
 from training.puma.model.text import PADDING, HashedWords
@@ -190,6 +190,32 @@ def test_losses_by_hand():
     assert float(box_loss(found, wanted, torch.tensor([[False, True]]))) == pytest.approx(5)
     one, other = torch.tensor([[[3.0, 0.0]]]), torch.tensor([[[1.0, 1.0]]])
     assert float(feature_loss(one, other, torch.tensor([[True]]))) == pytest.approx(1 - 0.5**0.5)
+
+
+def test_only_the_best_of_several_chunks_is_drawn_to_a_sample():
+    wanted = torch.tensor([[[1.0], [1.0]], [[-1.0], [9.0]]])
+    valid = torch.tensor([[True, True], [True, False]])
+    chunks = torch.tensor([[[[0.5], [0.5]], [[-1.0], [-1.0]]]]).expand(2, -1, -1, -1).clone().requires_grad_()
+    scores = torch.zeros(2, 2, requires_grad=True)
+    action, mode = mode_loss(chunks, scores, wanted, valid)
+    # summed errors of the chunks: 1 and 4 for the first sample, 1.5 and 0 for the second, over 3 steps that exist
+    assert action.item() == pytest.approx((1 - EVERY) * (1 + 0) / 3 + EVERY * (2.5 + 0.75) / 3)
+    assert mode.item() == pytest.approx(np.log(2))
+    (action + mode).backward()
+    assert chunks.grad is not None and scores.grad is not None
+    assert float(chunks.grad[0, 1].abs().max()) < 0.1 * float(chunks.grad[0, 0].abs().max())
+    assert (chunks.grad[1, :, 1] == 0).all() and scores.grad.argmin(1).tolist() == [0, 1]
+
+
+def test_the_chunk_with_the_highest_score_is_the_answer(tmp_path: Path):
+    torch.manual_seed(0)
+    backbone = {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1}
+    network = build_model(config_of(tmp_path, tmp_path, backbone=backbone, world="none", history="none", modes=3), SIZES)
+    found = network(inputs(4))
+    assert found.chunks is not None and found.scores is not None and found.chunks.shape == (4, 3, 6, 14)
+    for row, best in enumerate(found.scores.argmax(1)):
+        assert torch.equal(found.actions[row], found.chunks[row, best])
+    assert {"action", "mode", "loss"} == set(network.losses(found, targets(4)))
 
 
 def test_adapters_are_what_is_trained_of_the_backbone(tmp_path: Path):

@@ -16,8 +16,8 @@ from training.puma.data import open_corpus
 from training.puma.errors import TrainError
 from training.puma.policy import PumaPolicy
 from training.puma.preprocess import Preprocessing
-from training.puma.track import CHOICES, NUMBERS, Sight, Track
-from training.puma.tracking import Disturbance, choice_of, tools_of
+from training.puma.track import CHOICES, Sight, Track, track_numbers
+from training.puma.tracking import Disturbance, choice_of, tools_of, touch_points
 from training.puma.train import train
 
 SIGHT = Sight((240, 320), 37.0, tuple(look((0.0, -0.5, 1.4), (0.0, 0.6, -0.7))), 0.76, 0.03)
@@ -38,6 +38,23 @@ def test_points_are_projected_and_taken_back_to_the_plane():
     # turned by a quarter about z, the point on the x axis lies along y
     assert SIGHT.places(found[1, 1]) == pytest.approx([-0.2, 0.1 + SIGHT.reach])
     assert np.isfinite(SIGHT.places([160.0, -1000.0])).all()
+    beside = SIGHT.pixels(poses, [[[0.1, 0, 0]], [[0.1, 0, 0]]])
+    assert beside[:, :3] == pytest.approx(found)
+    assert SIGHT.places(beside[:, 3]) == pytest.approx(np.array([[0.2, -0.05], [-0.2, 0.2]]))
+
+
+def test_touch_points_are_the_tools_at_the_first_touch_as_the_target_sees_them(dataset: Path, cache: Path):
+    found = open_corpus(small(dataset, cache)).train[0].cache
+    joints = np.linspace(-0.3, 0.3, 8)[:, None] * np.ones(14)
+    places = tools_of(found.rows[0].embodiment, joints)
+    # two episodes of four frames, the first touched at its third frame, the second never; turned by half a turn about z
+    target = np.array([0.1, 0.2, 0.8, 0, 0, 0, 1])
+    arrays = {"state": joints, "free": np.array([True, True, False, False, *[True] * 4]), "target": np.tile(target, (8, 1))}
+    rows = [replace(found.rows[0], length=4)] * 2
+    points = touch_points(replace(found, rows=rows, arrays=arrays))
+    for frames, at in ((slice(0, 4), 2), (slice(4, 8), 7)):
+        expected = (places[at] - target[:3]) * [-1, -1, 1]
+        assert points[frames] == pytest.approx(np.tile(expected, (4, 1, 1)), abs=1e-6)
 
 
 def test_a_track_has_the_velocity_and_keeps_it_while_sightings_are_wrong():
@@ -71,7 +88,7 @@ def small(dataset: Path, cache: Path, **track: int) -> Config:
 
 
 def test_a_run_that_was_stopped_finds_the_same_targets_and_a_policy_sees_them(dataset: Path, cache: Path, tmp_path: Path):
-    config = small(dataset, cache)
+    config = small(dataset, cache, touches=True)
     train(config, tmp_path / "whole", quiet=True)
     train(config, tmp_path / "parts", steps=3, quiet=True)
     train(config, tmp_path / "parts", quiet=True)
@@ -109,7 +126,8 @@ def executes_more_actions_while_the_target_is_still(policy: PumaPolicy):
         episode = policy.begin(start())
         assert episode.track is not None
         for k in range(12):
-            episode.track.see(k / 15, pixels(0.05 + speed * k / 15, 0.05), EXACT)
+            points = pixels(0.05 + speed * k / 15, 0.05)
+            episode.track.see(k / 15, points[[0, 1, 2, 1, 2]], EXACT[[0, 1, 2, 1, 2]])
         # a sighting of the time of the last one changes nothing
         policy.act_together([(episode, seen(11 / 15))])
         assert episode.due == pytest.approx((11 + actions) / 15)
@@ -159,7 +177,7 @@ def test_disturbed_joints_have_the_tools_and_the_actions_of_where_they_are(datas
         "tools": tools_of(prep.embodiments[0], joints),
         "action": prep.action.forward(commands - np.where(np.arange(14) % 7 == 6, 0, joints)[:, None]),
         "free": np.arange(8) != 3,
-        "track": np.zeros((8, NUMBERS), np.float32),
+        "track": np.zeros((8, track_numbers(3)), np.float32),
     }
     after = dict(before)
     Disturbance(0.05, config, prep).apply(after, rng)

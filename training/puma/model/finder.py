@@ -44,10 +44,10 @@ class Locator(nn.Module):
 class FinderNet(nn.Module):
     """A locator for whole images, made small, and one for crops."""
 
-    def __init__(self, settings: Finder, points: int) -> None:
+    def __init__(self, settings: Finder) -> None:
         super().__init__()
         self.settings = settings
-        self.coarse, self.fine = Locator(points, settings.width), Locator(points, settings.width)
+        self.coarse, self.fine = (Locator(settings.points, settings.width) for _ in range(2))
 
     def shrunk(self, images: Images) -> Images:
         """Images (N,H,W,3) at the size of the first locator."""

@@ -3,6 +3,9 @@
 import torch
 from torch import Tensor, nn
 
+EVERY = 0.05
+"""Share of the mean over all chunks in the loss of several."""
+
 
 class _Residual(nn.Module):
     def __init__(self, width: int) -> None:
@@ -32,6 +35,17 @@ class WorldHead(nn.Sequential):
 def action_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
     """L1 summed over joints, averaged over the steps (B,K) that exist; chunks are (B,K,A). Zero where none does."""
     return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
+
+
+def mode_loss(found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """As `action_loss`, of the best of several chunks (B,M,K,A), and how badly scores (B,M) foretell which one that is.
+
+    All chunks learn a little from every sample: one that is never the best would stay where it began."""
+    error = torch.where(valid[:, None], (found.float() - wanted[:, None].float()).abs().sum(-1), 0).sum(-1)
+    best = error.argmin(1)
+    least, exist = error.gather(1, best[:, None])[:, 0], valid.any(1)
+    action = ((1 - EVERY) * least + EVERY * error.mean(1)).sum() / valid.sum().clamp(min=1)
+    return action, _mean(nn.functional.cross_entropy(scores.float(), best, reduction="none"), exist)
 
 
 def feature_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:

@@ -9,12 +9,12 @@ from torch.nn import functional
 
 from training.puma.config import Config
 from training.puma.model.finder import FinderNet
-from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss
+from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
 from training.puma.model.perceptron import PerceptronBackbone
 from training.puma.model.text import HashedWords, Words
 from training.puma.model.tiny import TinyBackbone
-from training.puma.track import AIMS, AXES, CHOICES, NUMBERS
+from training.puma.track import CHOICES, aim_numbers, track_numbers
 
 FARTHEST = 8.0
 """Standard deviations at which numbers are clipped: a target that is taken for something else may be found anywhere."""
@@ -26,11 +26,15 @@ CHOOSER = 32
 
 @dataclass(eq=False)
 class Outputs:
-    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits `choice` (B,CHOICES) likewise."""
+    """`actions` (B,K,A) normalised; `world` (B,N,D), or None if nothing is predicted; logits `choice` (B,CHOICES) likewise.
+
+    Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are those with the highest score."""
 
     actions: Tensor
     world: Tensor | None
     choice: Tensor | None = None
+    chunks: Tensor | None = None
+    scores: Tensor | None = None
 
 
 @dataclass(eq=False)
@@ -73,10 +77,17 @@ class Standard(nn.Module):
         return ((values - self.mean) / self.spread).clamp(-FARTHEST, FARTHEST)
 
 
-def _chooser() -> nn.Sequential:
-    """Scaled tracks (B,NUMBERS) -> logits (B,CHOICES). No tools: the arm that has moved is not the reason to move it."""
-    first, second, third = (nn.Linear(a, b) for a, b in pairwise((NUMBERS, CHOOSER, CHOOSER, len(CHOICES))))
-    return nn.Sequential(first, nn.ReLU(), second, nn.ReLU(), third)
+class Chooser(nn.Module):
+    """Scaled aims (B,F) -> logits (B,CHOICES), from the track alone: the arm that has moved is not the reason to move it."""
+
+    def __init__(self, track: int) -> None:
+        super().__init__()
+        self.track = track
+        self.first, self.second, self.third = (nn.Linear(a, b) for a, b in pairwise((track, CHOOSER, CHOOSER, len(CHOICES))))
+
+    def forward(self, aims: Tensor) -> Tensor:
+        hidden = self.second(self.first(aims[:, : self.track]).relu()).relu()
+        return self.third(hidden)
 
 
 class Puma(nn.Module):
@@ -89,11 +100,12 @@ class Puma(nn.Module):
         self.backbone = backbone
         self.queries = nn.Parameter(0.02 * torch.randn(model.queries, width))
         self.extra = nn.ModuleDict({name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()})
-        self.action_head = ActionHead(width, sizes.joints)
+        self.action_head = ActionHead(width, model.modes * sizes.joints)
+        self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
-        self.finder = None if model.track is None else FinderNet(model.track, len(AXES)).requires_grad_(False)
-        self.aim_scale = None if model.track is None else Standard(AIMS)
-        self.chooser = _chooser() if model.arms else None
+        self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
+        self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
+        self.chooser = Chooser(track_numbers(model.track.points)) if model.track is not None and model.arms else None
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
@@ -107,26 +119,32 @@ class Puma(nn.Module):
         hidden = self.backbone(inputs, torch.cat(extras, 1) if extras else empty, self.queries).float()
         device = hidden.device.type
         with torch.autocast(device, enabled=False):
-            world = hidden[:, : -self.config.model.chunk]
-            return Outputs(
-                self.action_head(hidden[:, -self.config.model.chunk :]),
-                None if self.world_head is None else self.world_head(world),
-                None if self.chooser is None else self.chooser(given["aims"][:, :NUMBERS]),
-            )
+            before, last = hidden[:, : -self.config.model.chunk], hidden[:, -self.config.model.chunk :]
+            world, actions = None if self.world_head is None else self.world_head(before), self.action_head(last)
+            choice = None if self.chooser is None else self.chooser(given["aims"])
+            if self.mode_head is None:
+                return Outputs(actions, world, choice)
+            chunks = actions.unflatten(-1, (-1, self.sizes.joints)).transpose(1, 2)
+            scores = self.mode_head(last.mean(1))
+            return Outputs(chunks[torch.arange(len(chunks)), scores.argmax(1)], world, choice, chunks, scores)
 
     def choices(self, aims: Tensor) -> Tensor:
-        """How likely (B,CHOICES) each choice of arms is for `aims` (B,AIMS)."""
+        """How likely (B,CHOICES) each choice of arms is for `aims` (B,F)."""
         assert self.chooser is not None and self.aim_scale is not None
-        return self.chooser(self.aim_scale(aims)[:, :NUMBERS]).softmax(-1)
+        return self.chooser(self.aim_scale(aims)).softmax(-1)
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
-        """`action`, `world` where it is predicted, and their weighted sum `loss`."""
-        found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
-        found["loss"] = found["action"]
+        """`action`, `mode` where several chunks are predicted, `world` where it is, and their weighted sum `loss`."""
+        if outputs.chunks is None or outputs.scores is None:
+            found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
+            found["loss"] = found["action"]
+        else:
+            action, mode = mode_loss(outputs.chunks, outputs.scores, targets.action, targets.action_valid)
+            found = {"action": action, "mode": mode, "loss": action + mode}
         if outputs.world is not None and targets.world is not None and targets.world_valid is not None:
             measure = box_loss if self.config.model.world == "boxes" else feature_loss
             found["world"] = measure(outputs.world, targets.world, targets.world_valid)
-            found["loss"] = found["action"] + self.config.train.world_weight * found["world"]
+            found["loss"] = found["loss"] + self.config.train.world_weight * found["world"]
         if outputs.choice is not None and targets.choice is not None:
             found["choice"] = functional.cross_entropy(outputs.choice, targets.choice)
             found["loss"] = found["loss"] + found["choice"]
@@ -140,7 +158,7 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
         "past_time": model.history_length if model.history_times and model.history != "none" else 0,
         "state": sizes.joints if model.state else 0,
         "clock": 1 if model.clock else 0,
-        "aims": AIMS if model.track else 0,
+        "aims": aim_numbers(model.track.points) if model.track else 0,
         "oracle": 3 * model.world_queries if model.oracle else 0,
         "choice": len(CHOICES) if model.arms else 0,
     }
