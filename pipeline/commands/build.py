@@ -111,6 +111,7 @@ def plan(
     from pipeline.run.cost import measure as run_measure
     from pipeline.run.plan import plan as run_plan
     from pipeline.run.sizes import format_size
+    from pipeline.run.state import redo_lines
 
     recipe = given.recipe()
     _, count = executor_of("ray", workers)
@@ -130,6 +131,7 @@ def plan(
     )
     left = values["slots"] - values["finished"]
     lines.append(f"finished: {values['finished']:,}; to make: {left:,}; {values['estimate']}")
+    lines += redo_lines(values["redo"])
     costs = f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
     lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
     if left and (parts := values["estimated_bytes_by_part"]):

@@ -19,6 +19,7 @@ MOST_FRAMES = 100_000
 def status(dataset: Root, as_json: AsJson = False) -> None:
     """Show what a dataset holds and what went wrong."""
     from pipeline.run.reasons import Reason
+    from pipeline.run.state import redo_lines
     from pipeline.run.status import status as run_status
 
     values = run_status(Dataset(dataset))
@@ -26,9 +27,7 @@ def status(dataset: Root, as_json: AsJson = False) -> None:
         f"{path:60} {c['accepted']:5} of {c['wanted']:5}, {c['given_up']} given up, {c['attempts']} attempts"
         for path, c in values["cells"].items()
     ]
-    lines += [
-        f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in values["redo"]
-    ]
+    lines += redo_lines(values["redo"])
     rate = values["attempt_success"]
     lines.append(
         f"{values['accepted']} of {values['wanted']} accepted, {values['given_up']} given up, {values['open']} open; "

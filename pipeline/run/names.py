@@ -16,6 +16,7 @@ from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.data.rules import Corrections
 from pipeline.motion.models import MODELS, levels_of
+from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw, expand_tasks, families_of
@@ -43,6 +44,8 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     except UnknownEmbodiment as error:
         raise RecipeError(f"{source}: {error}") from error
     recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
+    for task in tasks:
+        check_task(TASKS[task], source)
     _check_motions(recipe, {key: (flags or {}).get(key) or f"{source}: {key}:" for key in ("motion", "levels")})
     _check_arms(recipe, (flags or {}).get("embodiments") or f"{source}: embodiments:")
     check_size(recipe, source)

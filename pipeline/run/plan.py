@@ -6,8 +6,10 @@ from typing import Any
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
-from pipeline.data.recipe.model import Recipe
+from pipeline.data.ledger.entries import Files
+from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.run.cost import Cost, cost_of
+from pipeline.run.state import PHYSICS, redo_rows, redone
 
 BOUNDS = ("tasks", "levels", "episodes", "total")
 """Keys of a recipe of which a command line must give one, unless it names a manifest: the others do not bound a build's length."""
@@ -31,11 +33,16 @@ def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, work
 def plan(
     recipe: Recipe, dataset: Dataset | None, workers: int, cost: Cost | None = None, price: float | None = None
 ) -> dict[str, Any]:
-    """The work that is left: cells with wanted and finished slots; estimated hours, core-hours, their price, and bytes.
+    """The work that is left: cells with wanted and finished slots; finished parts to make again, as `status` reports them (`redo`);
+    estimated hours, core-hours, their price, and bytes.
 
     The estimate follows from a `cost`, by default the dataset's own record if it has one; `price` is that of one core-hour."""
-    held = dataset is not None and dataset.manifest.exists()
-    done = Counter(slot.cell for slot in dataset.present(dataset.entries(recipe, ())).slots) if dataset and held else Counter()
+    done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
+    if dataset is not None and dataset.manifest.exists():
+        entries = dataset.entries(recipe, ("keys", "stamp"))
+        there = Files(dataset.episodes)
+        redo = redone(recipe, entries, there.there_of(entries, there.listed(entries)))
+        done = Counter(slot.cell for slot in dataset.present(entries).slots)
     cost = cost or cost_of(dataset, recipe)
     cells = [
         {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}
@@ -43,11 +50,12 @@ def plan(
         for c, count in recipe.counts().items()
     ]
     slots = sum(c["episodes"] for c in cells)
-    left = slots - done.total()
+    left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
     return {
         "cells": cells,
         "slots": slots,
         "finished": done.total(),
+        "redo": redo_rows(redo),
         "workers": workers,
         "estimated_hours": cost.hours(left, workers),
         "estimated_core_hours": cost.core_hours(left),

@@ -2,9 +2,10 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +109,16 @@ def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counte
             if state.todo not in (DONE, OPEN):
                 found[state.todo, state.because] += number
     return +found
+
+
+def redo_rows(redo: Mapping[tuple[str, tuple[str, ...]], int]) -> list[dict[str, Any]]:
+    """What `redone` counted as plain data: {"what", "because", "slots"}, sorted."""
+    return [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())]
+
+
+def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """A line for each of `redo_rows`."""
+    return [f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in rows]
 
 
 def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState | None:

@@ -15,7 +15,7 @@ from pipeline.data.pairs import pairs_in
 from pipeline.run.floor import stops_in
 from pipeline.run.names import installed_recipe
 from pipeline.run.reasons import reasons_in
-from pipeline.run.state import redone
+from pipeline.run.state import redo_rows, redone
 
 KEYS = ("wanted", "accepted", "given_up", "attempts")
 """What is counted of every cell."""
@@ -61,7 +61,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "failures": [asdict(reason) for reason in failures],
         "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
         "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stops_in(dataset, recipe)],
-        "redo": [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())],
+        "redo": redo_rows(redo),
         "cells": {path: {key: count[key] for key in KEYS} for path, count in cells.items()},
     }
 

@@ -127,8 +127,8 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
 
 def described_in(each: Instance) -> Path | None:
     """The file of an instance's descriptions, where the directory is that of a checkout."""
-    model = each.data.parent
-    file = model.parents[2] / "description" / "objects_description" / model.name / f"base{each.number}.json"
+    model = each.data.parent.absolute()
+    file = model / "../../../description/objects_description" / model.name / f"base{each.number}.json"
     return file if file.is_file() else None
 
 

@@ -1,0 +1,46 @@
+from typing import Any
+
+import pytest
+
+from pipeline.data.recipe.model import RecipeError
+from pipeline.run.own_tasks import check_task
+from pipeline.tasks import TASKS
+from pipeline.tasks.contract import Task
+
+
+def own(**attributes: Any) -> Task:
+    """An instance of a task outside the package, like click_bell but for some attributes."""
+    return type("Own", (type(TASKS["click_bell"]),), {"__module__": "elsewhere", "name": "own", "suite": "mine"} | attributes)()
+
+
+def raising(self: Task, draw: object) -> None:
+    raise ZeroDivisionError("division by zero")
+
+
+def test_a_sound_task_and_those_of_the_package_pass():
+    check_task(own(), "recipe")
+    for name in ("click_bell", "handover_block"):
+        check_task(TASKS[name], "recipe")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"category": "trackin"}, "category is 'trackin', which is not one of interception, tracking"),
+        ({"target": 3}, "target is 3, which is not the name of a body"),
+        ({"step_limit": "many"}, "step_limit is 'many', which is not a whole number from 1 to 10000"),
+        ({"step_limit": 10**12}, "step_limit is 1000000000000, which is not a whole number"),
+        ({"motion": "planer"}, "motion is 'planer', which is not one of "),
+        ({"suite": "all"}, "suite is 'all', which is not a name of its own"),
+        ({"suite": "click_bell"}, "suite is 'click_bell', which is not a name of its own"),
+        ({"seen": "press it"}, "seen is 'press it', which is not a tuple of sentences"),
+        ({"limits": {"lift": 0.1}}, "which is not limits by name: write them with `by_name`"),
+        ({"workspace": (0, 1, 0, 1)}, "which is not a Workspace"),
+        ({"layout": raising}, "its layout raised ZeroDivisionError: division by zero (test_own_tasks.py, line 17)"),
+        ({"layout": lambda self, draw: [draw.one_of("bel")]}, "its layout raised"),
+    ],
+)
+def test_what_is_wrong_is_one_line_that_names_the_task(attributes, message):
+    with pytest.raises(RecipeError) as error:
+        check_task(own(**attributes), "recipe")
+    assert str(error.value).startswith("recipe: task own: ") and message in str(error.value) and "\n" not in str(error.value)
