@@ -37,10 +37,18 @@ def objects(
         write_gallery(gallery, names)
     described = listing(names)
     rows = [
-        (name, " x ".join(f"{100 * s:.1f}" for s in d["size"]), ", ".join(d["frames"]), ", ".join(sorted(d["grasps"])))
+        (
+            name,
+            " x ".join(f"{100 * s:.1f}" for s in d["size"]),
+            ", ".join(d["frames"]),
+            ", ".join(sorted(d["grasps"])),
+            ", ".join(d["tasks"]),
+        )
         for name, d in described.items()
     ]
-    shown = table(("family", "size (cm)", "frames", "kinds of grasps"), rows) if gallery is None else str(gallery)
+    shown = (
+        table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows) if gallery is None else str(gallery)
+    )
     print_result({"families": names, "described": described, "gallery": str(gallery) if gallery else None}, as_json, shown)
 
 

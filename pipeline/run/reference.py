@@ -161,9 +161,11 @@ def _yaml(value: object) -> str:
 
 def _describe_values(schema: Mapping[str, Any]) -> str:
     """What values a key may have, from its JSON schema."""
-    schema = schema.get("anyOf", [schema])[0]
+    schema, *others = schema.get("anyOf", [schema])
     one = schema.get("items", schema) if schema.get("type") == "array" else schema
     if choices := one.get("enum"):
+        if any(other.get("type") != "null" for other in others):
+            return ""
         return f" One of {', '.join(map(str, choices))}." if one is schema else f" Any of {', '.join(map(str, choices))}."
     bounds = [one[key] for key in ("minimum", "maximum") if key in one]
     if not bounds:
