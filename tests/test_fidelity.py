@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons, seen
+from benchmarks.beside_original import conditions, extents, layouts, moved, original, originals, reasons, visible_range
 from benchmarks.fidelity import BEGIN, PAGE, PAPER, page
 from pipeline.tasks import TASKS
 
@@ -133,7 +133,7 @@ def test_a_least_distance_is_a_difference():
 
 
 def test_a_region_that_the_image_cuts_is_told_by_side():
-    low, high = seen("put_object_cabinet") or (0, 0)
+    low, high = visible_range("put_object_cabinet") or (0, 0)
     assert low < -0.30
     assert 0.24 < high < 0.28
-    assert seen("place_mouse_pad") is None
+    assert visible_range("place_mouse_pad") is None

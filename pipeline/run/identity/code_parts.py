@@ -37,7 +37,7 @@ REGISTERED = ("pipeline.tasks.library", "pipeline.world.objects.families", "pipe
 LOOKS = (
     *("pipeline.world.materials", "pipeline.world.textures", "pipeline.world.visuals", "pipeline.world.room"),
     *("pipeline.world.patterns", "pipeline.world.tabletops", "pipeline.world.walls"),
-    *("pipeline.world.robots.parts", "pipeline.world.png", "pipeline.data.brought"),
+    *("pipeline.world.prints", "pipeline.world.png", "pipeline.data.brought"),
 )
 """Modules that give bodies their look and cannot move anything: they count for the images only."""
 

@@ -139,7 +139,7 @@ def keeps_its_arms_until_others_are_much_likelier(policy: PumaPolicy):
     assert chooser is not None
     held = {name: value.clone() for name, value in chooser.state_dict().items()}
     for likely, chosen in (([0.5, 0.4, 0.1], 0), ([0.3, 0.7, 0.0], 0), ([0.1, 0.9, 0.0], 1), ([0.6, 0.4, 0.0], 1)):
-        last = chooser[-1]
+        last = chooser.third
         assert isinstance(last, torch.nn.Linear)
         torch.nn.init.zeros_(last.weight)
         last.bias.data = torch.log(torch.tensor(likely) + 1e-6)
