@@ -100,7 +100,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             if info.file_size > most:
                 raise ValueError(f"{info.filename} claims {info.file_size} bytes, more than the file can hold")
             data = bytearray(archive.read(info))
-            start = npy.MAGIC_LEN + 2 + int.from_bytes(data[npy.MAGIC_LEN :][:2], "little")
+            start = npy.MAGIC_LEN + 2 + int.from_bytes(data[npy.MAGIC_LEN : npy.MAGIC_LEN + 2], "little")
             shape, in_columns, dtype = _header(bytes(data[:start]))
             if math.prod(shape) * dtype.itemsize != len(data) - start:
                 raise ValueError(f"{info.filename} claims {dtype} {list(shape)[:8]}, which is not its size")

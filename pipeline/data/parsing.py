@@ -167,7 +167,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _check_once(keys: list[str]) -> None:
     if len(set(keys)) < len(keys):
-        raise ParseError(f"{show_value(next(key for key, count in Counter(keys).items() if count > 1))} stands there twice")
+        raise ParseError(f"{show_value(next(key for key, count in Counter(keys).items() if count > 1))} is given twice")
 
 
 class _Loader(yaml.SafeLoader):

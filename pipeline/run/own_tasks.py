@@ -17,13 +17,15 @@ CATEGORIES = get_args(Category.__value__)
 MOST_STEPS = 10_000
 """Control periods of an episode that a task may ask for."""
 
-RESERVED = ("", "all")
-"""Words that `tasks:` gives another meaning than a suite."""
+ALL = "all"
+"""The word that `tasks:` reads as the suite `domino`, which holds no task of anybody else."""
+
+PACKAGE = Path(__file__).parents[1]
 
 
 def check_task(task: Task, source: str) -> None:
     """Draw the trial layouts of a task, unless it ships with the package. Raises RecipeError, naming the task and what is wrong."""
-    if type(task).__module__.startswith("pipeline."):
+    if _ships(task):
         return
     where = f"{source}: task {task.name}:"
     if fault := _fault(task):
@@ -32,7 +34,7 @@ def check_task(task: Task, source: str) -> None:
         families_of(task)
     except Exception as error:  # a task is a user's code, which may raise anything
         raise RecipeError(
-            f"{where} its layout raised {type(error).__name__}: {' '.join(str(error).split())}{_line_of(error, task)}"
+            f"{where} its layout raised {type(error).__name__}: {' '.join(str(error).split())}{_line_of(error)}"
         ) from error
 
 
@@ -46,11 +48,12 @@ def _fault(task: Task) -> str | None:
         return unlike("category", f"one of {', '.join(CATEGORIES)}")
     if not isinstance(getattr(task, "target", None), str) or not task.target:
         return unlike("target", "the name of a body")
-    if not isinstance(task.step_limit, int) or not 1 <= task.step_limit <= MOST_STEPS:
+    if type(task.step_limit) is not int or not 1 <= task.step_limit <= MOST_STEPS:
         return unlike("step_limit", f"a whole number from 1 to {MOST_STEPS}")
-    if task.motion not in MODELS:
+    if not isinstance(task.motion, str) or task.motion not in MODELS:
         return unlike("motion", f"one of {', '.join(MODELS)}")
-    if not isinstance(task.suite, str) or task.suite in RESERVED or task.suite in TASKS:
+    taken = {ALL, *TASKS, *(each.suite for each in TASKS.values() if _ships(each))}
+    if not isinstance(task.suite, str) or task.suite in taken:
         return unlike("suite", "a name of its own")
     if not isinstance(task.workspace, Workspace):
         return unlike("workspace", "a Workspace")
@@ -64,8 +67,11 @@ def _fault(task: Task) -> str | None:
     return None
 
 
-def _line_of(error: Exception, task: Task) -> str:
-    """The line of the task's own file that an error passed, as text."""
-    file = task.layout.__func__.__code__.co_filename
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
-    return f" ({Path(file).name}, line {lines[-1]})" if lines else ""
+def _ships(task: Task) -> bool:
+    return type(task).__module__.startswith("pipeline.")
+
+
+def _line_of(error: Exception) -> str:
+    """The first line outside the package that an error passed, as text."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not Path(frame.filename).is_relative_to(PACKAGE)]
+    return f" ({Path(frames[0].filename).name}, line {frames[0].lineno})" if frames else ""

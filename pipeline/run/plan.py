@@ -39,10 +39,9 @@ def plan(
     The estimate follows from a `cost`, by default the dataset's own record if it has one; `price` is that of one core-hour."""
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
-        entries = dataset.entries(recipe, ("keys", "stamp"))
-        there = Files(dataset.episodes)
-        redo = redone(recipe, entries, there.there_of(entries, there.listed(entries)))
-        done = Counter(slot.cell for slot in dataset.present(entries).slots)
+        held, files = dataset.present(dataset.entries(recipe, ("keys", "stamp"))), Files(dataset.episodes)
+        redo = redone(recipe, held, files.there_of(held, files.listed(held)))
+        done = Counter(slot.cell for slot in held.slots)
     cost = cost or cost_of(dataset, recipe)
     cells = [
         {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}

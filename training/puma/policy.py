@@ -164,7 +164,7 @@ class PumaPolicy(BatchPolicy):
             out["track"] = memory.track.numbers[None]
             out["tools"] = tools_of(prep.embodiments[0], observation.joints[None])
         if model.arms:
-            memory.choice = self._chosen(memory.choice, aims(out["track"], out["tools"]))
+            memory.choice = self._choose_arms(memory.choice, aims(out["track"], out["tools"]))
             out["choice"] = np.array([memory.choice])
         return out
 
@@ -193,7 +193,7 @@ class PumaPolicy(BatchPolicy):
                 out |= dict(zip(some, found.float().cpu().numpy(), strict=False))
         return [self._targets(out[i], seen) for i, (_, seen) in enumerate(asked)]
 
-    def _chosen(self, before: int | None, seen: NDArray[np.float32]) -> int:
+    def _choose_arms(self, before: int | None, seen: NDArray[np.float32]) -> int:
         """Which arms act, after the choice `before`, for aims (1,F)."""
         with torch.inference_mode():
             likely = self._network.choices(torch.from_numpy(seen).to(self._device))[0].cpu().numpy()

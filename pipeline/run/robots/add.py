@@ -12,7 +12,7 @@ from pipeline.data.names import NONE, is_name
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.run.robots.anatomy import Anatomy, Hints, anatomy, cloud
 from pipeline.run.robots.config_yml import CONFIG, read_config
-from pipeline.run.robots.join import joined
+from pipeline.run.robots.join import mount
 from pipeline.run.robots.mjcf import MJCF, read_mjcf
 from pipeline.run.robots.place import Site, find_site, overlaps
 from pipeline.run.robots.simplify import Pieces
@@ -73,7 +73,7 @@ def add_robot(source: Path, options: Options) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
         robot = _read(urdf or source, Path(scratch) / "arm", root)
         if options.gripper is not None:
-            robot = joined(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
+            robot = mount(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
         draft = draft_of(robot, anatomy(robot, hints), options)
     write_robot(draft, directory)
     return directory

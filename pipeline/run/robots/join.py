@@ -10,7 +10,7 @@ PREFIX = "gripper_"  # of every link and joint of the gripper
 FLANGE = "attach"  # in the name of the frame that the arms of MuJoCo Menagerie have for a gripper
 
 
-def joined(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
+def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
     """The gripper's root link on the arm's link `flange`, by default the last link of the only arm.
 
     Raises UrdfError where the flange is missing or not clear, where something moves beyond it, and for a gripper of several roots.
@@ -27,11 +27,11 @@ def joined(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
         PREFIX + link: replace(j, name=PREFIX + j.name, parent=PREFIX + j.parent, child=PREFIX + j.child)
         for link, j in gripper.parent_joint.items()
     }
-    mount = Joint(PREFIX + "mount", "fixed", at, PREFIX + roots[0], pose())
+    at_flange = Joint(PREFIX + "mount", "fixed", at, PREFIX + roots[0], pose())
     return UrdfRobot(
         arm.path,
         arm.links | {PREFIX + name: link for name, link in gripper.links.items()},
-        arm.parent_joint | {mount.child: mount} | above,
+        arm.parent_joint | {at_flange.child: at_flange} | above,
         arm.mimics | {PREFIX + n: Mimic(PREFIX + m.joint, m.multiplier, m.offset) for n, m in gripper.mimics.items()},
     )
 

@@ -40,12 +40,12 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
     listener = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:
-        return _compiled(mujoco, path, scratch)
+        return _compile(mujoco, path, scratch)
     finally:
         mujoco.set_mju_user_warning(listener)
 
 
-def _compiled(mujoco: Any, path: Path, scratch: Path) -> UrdfRobot:
+def _compile(mujoco: Any, path: Path, scratch: Path) -> UrdfRobot:
     try:
         model = mujoco.MjSpec.from_file(str(path)).compile()
     except (ValueError, mujoco.FatalError) as error:

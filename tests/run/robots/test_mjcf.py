@@ -9,7 +9,7 @@ import trimesh
 from pipeline.data.errors import DominoError
 from pipeline.poses import quat_from_matrix
 from pipeline.run.robots.anatomy import anatomy
-from pipeline.run.robots.join import joined
+from pipeline.run.robots.join import mount
 from pipeline.run.robots.mjcf import read_mjcf
 from pipeline.world.robots.urdf_file import UrdfError, read_urdf
 from tests.run.robots.test_hostile import refused
@@ -93,11 +93,11 @@ def test_what_loops_and_equalities_couple_becomes_mimic_rules(tmp_path):
 @pytest.mark.parametrize("flange", [FLANGE, '<site name="attachment_site" pos="0 0 0.05"/><body name="x"/><body name="y"/>'])
 def test_an_arm_takes_a_gripper_of_another_file(tmp_path, flange):
     arm, gripper = read(tmp_path, ARM.replace("END", flange)), read(tmp_path, LINKAGE, "gripper.xml")
-    found = anatomy(joined(arm, gripper, None))
+    found = anatomy(mount(arm, gripper, None))
     assert found.arm_joints == ("j1", "j2", "j3") and found.hand == "gripper_palm"
     assert set(found.fingers) == {"gripper_tip_a", "gripper_tip_b"}
     assert found.opening == pytest.approx(2 * (0.02 + 0.05 * np.sin(0.5) - 0.005), abs=2e-3)
-    both = joined(read_urdf(Tiny(SLIDES.replace("prismatic", "fixed")).write(tmp_path)), gripper, "hand")
+    both = mount(read_urdf(Tiny(SLIDES.replace("prismatic", "fixed")).write(tmp_path)), gripper, "hand")
     assert anatomy(both).arm_joints == ("j1", "j2", "j3", "j4", "j5")
 
 
@@ -140,15 +140,15 @@ def test_a_gripper_that_cannot_be_used_is_one_line(tmp_path, text, words):
     gripper = put(tmp_path, text, "gripper.xml")
     refused(tmp_path, put(tmp_path, ARM.replace("END", FLANGE)), "--gripper", gripper)
     with pytest.raises(UrdfError, match=words):
-        joined(read(tmp_path / "a", ARM.replace("END", FLANGE)), read(tmp_path / "g", text), None)
+        mount(read(tmp_path / "a", ARM.replace("END", FLANGE)), read(tmp_path / "g", text), None)
 
 
 def test_a_flange_is_a_link_beyond_which_nothing_moves(tmp_path):
     arm, gripper = read_urdf(Tiny(SLIDES).write(tmp_path)), read(tmp_path, LINKAGE)
     with pytest.raises(UrdfError, match="joint 'jaw_a' moves beyond the flange 'hand'"):
-        joined(arm, gripper, "hand")
+        mount(arm, gripper, "hand")
     with pytest.raises(UrdfError, match="--flange 'tool0': has no such link"):
-        joined(arm, gripper, "tool0")
+        mount(arm, gripper, "tool0")
 
 
 def test_without_mujoco_the_extra_is_named(tmp_path, monkeypatch):
