@@ -40,7 +40,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     measured = plan(RECIPE, dataset, 2, Cost(100.0, 7.0, "here"))
     assert measured["estimated_hours"] == pytest.approx(4 * 100 / 3600 / 2) and measured["estimate_from"] == "here"
     dataset.episode(slot).unlink()  # an episode that is missing is made once, not twice
-    gone = plan(RECIPE, dataset, workers=2)
+    gone = plan(RECIPE, dataset, 2, Cost(9.0, 5000.0, "here"))
     assert gone["finished"] == 0 and gone["redo"] == [] and gone["estimated_bytes"] == 20000
 
 
