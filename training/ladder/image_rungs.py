@@ -24,8 +24,8 @@ SMALL = {
     ),
     "diffusion": ("down_dims=[128,256]", "noise_scheduler_type=DDIM", "num_inference_steps=10"),
 }
-"""What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; no variational encoder, because a scripted
-expert has one style; and the rate of the other layers for the backbone, which starts from random weights here."""
+"""What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; no variational encoder, because a
+scripted expert has one style; and the rate of the other layers for the backbone, which starts from random weights here."""
 
 
 @dataclass(frozen=True)
