@@ -55,6 +55,11 @@ class Cache:
     def start(self) -> NDArray[np.int64]:
         return np.concatenate([[0], np.cumsum(self.length)[:-1]])
 
+    @property
+    def taught(self) -> NDArray[np.int64]:
+        """The first frame of each episode (E,) from which on the expert acts; past its last frame if it never does."""
+        return np.minimum(self.start + [row.taught for row in self.rows], self.start + self.length)
+
 
 def cache_root(config: Config) -> Path:
     """Where caches are kept."""
@@ -74,7 +79,8 @@ def open_cache(source: Source, config: Config, tell: Tell = lambda text: None) -
         "past": [model.history, asdict(colour_of(config))],
         "world": model.world,
     }
-    options = {"track": True if model.track else None, "after_success": data.after_success}
+    corrected = True if shards.corrected else None
+    options = {"track": True if model.track else None, "after_success": data.after_success, "corrected": corrected}
     path = cache_root(config) / digest(parts | {name: value for name, value in options.items() if value is not None})
     if not (path / "meta.json").exists():
         tell(f"decoding {len(shards.rows)} episodes of {source.dataset} to {path}")
@@ -101,6 +107,7 @@ def _write(folder: Path, shards: Shards, config: Config) -> None:
     frames, place = sum(row.length for row in shards.rows), 0
     out: dict[str, NDArray[Any]] = {}
     sizes: dict[str, tuple[int, int]] = {}
+    rows = list[Row]()
     for shard in shards:
         arrays = _arrays(shard, config, sizes)
         for name, values in arrays.items():
@@ -109,9 +116,10 @@ def _write(folder: Path, shards: Shards, config: Config) -> None:
                 out[name] = np.lib.format.open_memmap(folder / f"{name}.npy", mode="w+", dtype=values.dtype, shape=shape)
             out[name][place : place + shard.row.length] = values
         place += shard.row.length
+        rows.append(shard.row)
     for array in out.values():
         array.flush()  # pyright: ignore[reportAttributeAccessIssue]
-    meta = {"fps": shards.fps, "names": names.pop(), "source_sizes": sizes, "rows": [asdict(row) for row in shards.rows]}
+    meta = {"fps": shards.fps, "names": names.pop(), "source_sizes": sizes, "rows": [asdict(row) for row in rows]}
     (folder / "meta.json").write_text(json.dumps(meta))
 
 

@@ -35,12 +35,13 @@ class Part:
 
     @classmethod
     def of(cls, cache: Cache, episodes: Sequence[int]) -> "Part":
-        """All frames of some episodes."""
+        """All frames of some episodes in which the expert acts."""
         chosen = np.asarray(episodes, np.int64)
-        length, start = cache.length[chosen], cache.start[chosen]
-        first = np.repeat(start, length)
-        within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-        return cls(cache, first + within, first, np.repeat(start + length - 1, length), np.repeat(chosen, length))
+        start, taught = cache.start[chosen], cache.taught[chosen]
+        last = start + cache.length[chosen] - 1
+        count = last + 1 - taught
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        return cls(cache, np.repeat(taught, count) + within, *(np.repeat(x, count) for x in (start, last, chosen)))
 
     def __len__(self) -> int:
         return len(self.frame)

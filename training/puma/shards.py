@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,8 @@ EXPORT = "parquet"
 class Row:
     """One episode of the export: its number there, where it came from, and what it says about itself.
 
-    `length` counts the frames that are read (`data.after_success`).
+    `length` counts the frames that are read (`data.after_success`). From frame `taught` on the expert acts: 0 until the episode has
+    been read. Before it, in a corrected episode, a policy acts.
     """
 
     index: int
@@ -39,6 +40,7 @@ class Row:
     physics_id: str
     target: str
     instructions: tuple[str, ...]
+    taught: int = 0
 
     @property
     def path(self) -> Path:
@@ -78,6 +80,7 @@ class Shards:
             told = json.loads(pq.read_schema(self.files[0]).metadata[b"domino"])
         except (OSError, IndexError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
             raise TrainError(f"{source.dataset} has no usable Parquet export ({_short(error)}); run: {self._export()}") from error
+        self.corrected = "intervention" in pq.read_schema(self.files[0]).names
         self.fps, self.names = int(told["fps"]), {k: tuple(v) for k, v in told["names"].items()}
         rows = table.to_pylist()
         self._check_export(rows)
@@ -191,6 +194,7 @@ class Shards:
         camera = next(iter(self.columns.values())).replace("image_", "camera_pose_", 1)
         vectors = {"state": "state", "action": "action", "target": "target_pose", "camera": camera}
         columns = ["timestamp", "contact_target", *vectors.values(), *self.columns.values()]
+        columns += ["intervention"] if self.corrected else []
         table = pa.concat_tables([_group(*place, columns) for place in self._groups[row.index]])
         images = {camera: [image["bytes"] for image in table[column].to_pylist()] for camera, column in self.columns.items()}
         frames = frames_digest(images[self.config.data.cameras[0]])
@@ -209,9 +213,10 @@ class Shards:
         images = {camera: held[: row.length] for camera, held in images.items()}
         table = table.slice(0, row.length)
         values = {name: np.array(table[column].to_pylist(), np.float32) for name, column in vectors.items()}
+        others = np.flatnonzero(~np.array(table["intervention"].to_pylist(), bool)) if self.corrected else np.empty(0, np.int64)
         touches = np.array(table["contact_target"].to_pylist(), bool).reshape(table.num_rows, -1).any(1)
         return Shard(
-            row=row,
+            row=replace(row, taught=int(others[-1]) + 1 if len(others) else 0),
             time=table["timestamp"].to_numpy().astype(np.float32),
             touched=np.logical_or.accumulate(touches),
             images=images,

@@ -172,9 +172,9 @@ def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
     tracks, choices = list[NDArray[np.float32]](), list[NDArray[np.int64]]()
-    for start, length in zip(cache.start, cache.length, strict=True):
+    for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
         track = Track(sight)
-        choices.append(np.repeat(choice_of(cache.names, arrays["action"][start : start + length]), length))
+        choices.append(np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length))
         for i in range(start, start + length):
             track.see(float(arrays["time"][i]), points[i], errors[i])
             tracks.append(track.numbers)
@@ -184,6 +184,8 @@ def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
 
 def choice_of(names: Sequence[str], actions: NDArray[Any]) -> int:
     """Which of CHOICES moves in the actions (T,A) of an episode; both if none does."""
+    if len(actions) == 0:
+        return len(CHOICES) - 1
     arms = [name for name, far in zip(names, np.ptp(actions, axis=0) > MOVED, strict=True) if far and not name.endswith("gripper")]
     moved = [any(name.startswith(side) for name in arms) for side in SIDES]
     return moved.index(True) if sum(moved) == 1 else len(CHOICES) - 1

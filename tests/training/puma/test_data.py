@@ -17,8 +17,8 @@ from pipeline.data import Dataset, Setup, parse_recipe
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import decode_frame
 from pipeline.data.setup import SETUP_FILE
-from tests.synthetic import episode_path
-from tests.training.puma.tiny import FRAMES, config_of
+from tests.synthetic import episode_path, make_episode
+from tests.training.puma.tiny import FRAMES, config_of, export
 from training.puma.cache import open_cache
 from training.puma.config import Config, Source, parse_config
 from training.puma.data import Part, batch_of, mixed_batch, open_corpus, setup_of, split_episodes
@@ -31,6 +31,24 @@ from training.puma.shards import Shards
 def changed(config: Config, part: str, **values: object) -> Config:
     """The configuration with other values in its data, model or train part."""
     return config.model_copy(update={part: getattr(config, part).model_copy(update=values)})
+
+
+def test_only_the_expert_teaches_in_corrected_episodes(tmp_path: Path):
+    paths = [episode_path(tmp_path, slot=slot) for slot in range(2)]
+    for slot, (path, corrected) in enumerate(zip(paths, (5, 0), strict=True)):
+        make_episode(path, slot=slot, seed=slot, frames=12, cameras=("head_camera",), corrected=corrected)
+    export(tmp_path, paths)
+    config = config_of(tmp_path, tmp_path / "cache", history="none", world="none")
+    config = changed(config, "data", validation=0.0, cameras=("head_camera",))
+    corpus = open_corpus(config)
+    [part] = corpus.train
+    assert part.frame.tolist() == [*range(5, 12), *range(12, 24)] and part.episode.tolist() == [0] * 7 + [1] * 12
+    # what came before the takeover is still what the policy would have seen
+    assert set(part.first[:7]) == {0} and set(part.last[:7]) == {11} and len(part.cache.arrays["action"]) == 24
+    with open_episode(paths[0]) as episode:
+        label = episode.array("expert_action")[5:11].astype(np.float32)
+    batch = batch_of(part, np.array([0]), config, corpus.preprocessing)
+    np.testing.assert_allclose(corpus.preprocessing.action.backward(batch["action"][0]), label, atol=1e-5)
 
 
 @pytest.fixture
