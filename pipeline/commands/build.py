@@ -108,9 +108,9 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Estimate what `build` would produce: episodes, hours and bytes. Writes no files."""
+    from pipeline.run.cost import format_size
     from pipeline.run.cost import measure as run_measure
     from pipeline.run.plan import plan as run_plan
-    from pipeline.run.sizes import format_size
     from pipeline.run.state import redo_lines
 
     recipe = given.recipe()

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.commands import complete
-from pipeline.commands.common import AsJson, LevelList, UsageError, numbers, print_result, table
-from pipeline.commands.findings import print_findings
+from pipeline.commands.common import AsJson, LevelList, UsageError, numbers, print_findings, print_result, table
 from pipeline.commands.options import Given, recipe_options
 from pipeline.data.parsing import whole
 

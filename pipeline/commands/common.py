@@ -3,7 +3,7 @@
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -12,6 +12,7 @@ import typer
 
 from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
+from pipeline.data.findings import Finding
 from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
@@ -172,3 +173,11 @@ def runtime_env_of(path: Path | None) -> dict[str, Any]:
     if not isinstance(variables, dict) or not all(isinstance(word, str) for pair in variables.items() for word in pair):
         raise UsageError(f"--runtime-env {path}: env_vars is not a mapping of names to texts, like {{NAME: 'value'}}")
     return values
+
+
+def print_findings(found: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
+    """Print what checks found, by name of what was checked. Raises typer.Exit(1) if a clause does not hold."""
+    lines = [f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}" for name, all_of in found.items() for f in all_of]
+    print_result({name: [vars(f) for f in all_of] for name, all_of in found.items()}, as_json, "\n".join(lines))
+    if not all(f.ok for all_of in found.values() for f in all_of):
+        raise typer.Exit(1)

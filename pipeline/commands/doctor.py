@@ -28,7 +28,7 @@ def doctor(
                 print(f"      fix: {result.fix}", flush=True)
     counts = {verdict: sum(r.verdict == verdict for r in results) for verdict in ("PASS", "WARN", "FAIL")}
     if as_json:
-        print(json.dumps({"ok": not counts["FAIL"], "checks": [r.as_dict() for r in results]}, indent=1))
+        print(json.dumps({"ok": not counts["FAIL"], "checks": [vars(r) for r in results]}, indent=1))
     else:
         print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     if counts["FAIL"]:

@@ -1,13 +1,13 @@
-"""evaluate: try a policy in closed loop."""
+"""evaluate, compare, paper-table: policies in closed loop, against each other, and beside the rows that the paper prints."""
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable
+from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable, table
 from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
@@ -111,3 +111,88 @@ def _images_setup(given: Given, recipe: Recipe) -> Setup:
             raise UsageError(f"--{asked} is of the images of --cameras: name some")
         return blind(recipe)
     return recipe.setup.override({"textures": given.values.get("textures", "unseen")})
+
+
+def compare(
+    runs: Annotated[
+        list[str],
+        typer.Argument(help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.", metavar="RUN..."),
+    ],
+    effect: Annotated[
+        float, typer.Option(min=0.01, max=100, help="Estimate the number of scenes that a difference of this many points needs.")
+    ] = 5,
+    unpaired: Annotated[bool, typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compare policies with the first one on the scenes they share: difference, 95 % interval, exact test, scenes needed."""
+    from pipeline.evaluate.compare import compare as compare_arms
+    from pipeline.evaluate.compare import compare_unpaired, read_arms
+
+    first, *others = read_arms(runs)
+    found = [row for other in others for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)]
+    print_result({"effect": effect, "comparisons": found}, as_json, _describe(found, effect))
+
+
+def _describe(rows: list[dict[str, Any]], effect: float) -> str:
+    head = ("policy", "against", "of", "scenes", "SR %", "SR %", "difference (95 %)", "won", "lost", "p", f"for {effect:g} points")
+    body = [
+        (
+            row["second"],
+            row["first"],
+            row["what"],
+            row["scenes"],
+            f"{row['second_rate']:.1f}",
+            f"{row['first_rate']:.1f}",
+            f"{row['effect']:+.1f} ({row['interval'][0]:+.1f} to {row['interval'][1]:+.1f})",
+            row.get("won", "-"),
+            row.get("lost", "-"),
+            f"{row['p']:.2g}" if "p" in row else "-",
+            row["needed"] or "-",
+        )
+        for row in rows
+    ]
+    return table(head, body)
+
+
+@recipe_options("rules", "cameras", files=(), rules="domino")
+def paper_table(
+    given: Given,
+    name: Annotated[str, typer.Argument(help="main, task-type, history-aware, cross-level, slow or double.", metavar="NAME")],
+    policy: Annotated[str, typer.Option(help="A policy, as for `evaluate`.")],
+    episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")] = 100,
+    clock: Annotated[str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")] = None,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
+    as_json: AsJson = False,
+) -> None:
+    """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
+    from pipeline.evaluate.evaluate import evaluate as run_evaluation
+    from pipeline.evaluate.paper import beside, differences, experiment
+    from pipeline.evaluate.policies import policy_name
+    from pipeline.run.evaluation import evaluation_of, runner
+
+    found = experiment(name)
+    cells = {"tasks": found.tasks, "levels": found.levels, "alpha": found.alpha, "embodiments": "aloha"}
+    recipe = given.recipe(rules="domino", **cells)
+    setup = recipe.setup.override({"textures": "unseen"})
+    wanted = evaluation_of(recipe, setup, policy_name(policy), clock or "", episodes=episodes)
+    means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
+    rows = beside(found, means)
+    apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
+    lines = [
+        (
+            row["method"] if row["paper"] else f"-> {row['method']}",
+            row["level"],
+            row["category"],
+            *(_number(row["paper"], row[key], row.get(f"{key}_interval")) for key in ("success_rate", "manipulation_score")),
+        )
+        for row in rows
+    ]
+    text = [found.title, "", table(("method", "level", "tasks", "SR %", "MS"), lines), "", "-> differs from the paper:"]
+    values = {"experiment": name, "rows": rows, "differences": apart, "episodes": str(out)}
+    print_result(values, as_json, "\n".join([*text, *(f"   {line}" for line in apart)]))
+
+
+def _number(paper: bool, value: float, interval: list[float] | None) -> str:
+    return f"{value:g}" if paper or interval is None else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"

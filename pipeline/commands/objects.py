@@ -1,12 +1,13 @@
-"""objects, objects add: the object families, and objects of others from their mesh files."""
+"""objects, robots, check-robot: the object families, and objects and robots of others from their files."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from pipeline.commands import complete
 from pipeline.commands.bounded import BoundedCommand
-from pipeline.commands.common import AsJson, UsageError, check_page, print_result, split_list, table
+from pipeline.commands.common import AsJson, UsageError, check_page, print_findings, print_result, split_list, table
 
 objects_app = typer.Typer(help="Object families, and objects from mesh files.")
 
@@ -53,7 +54,7 @@ def objects(
 
 
 @objects_app.command("add", cls=BoundedCommand)
-def add(
+def objects_add(
     source: Annotated[Path, typer.Argument(help="A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD.")],
     name: Annotated[str, typer.Option(help="What the object is to be called, e.g. mug7.")],
     family: Annotated[str, typer.Option(help="The object family that it stands for; `domino-data objects` lists them.")],
@@ -86,3 +87,42 @@ def add(
         print("\n".join(f"FAIL {name}: {found.name}: {found.detail}" for name, found in failed))
         print("correct object.toml, or add it again with another --up, --mass or --family")
         raise typer.Exit(1)
+
+
+robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
+
+
+@robots_app.command("add", cls=BoundedCommand)
+def robots_add(
+    source: Annotated[Path, typer.Argument(help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")],
+    name: Annotated[str, typer.Option(help="Name of the robot, e.g. xarm6.")],
+    to: Annotated[Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")] = Path("plugins"),
+    base: Annotated[str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")] = None,
+    jaw: Annotated[str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")] = None,
+    licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
+    gripper: Annotated[Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")] = None,
+    flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
+) -> None:
+    """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
+    from pipeline.run.robots.add import Options, add_robot, notes
+
+    directory = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange))
+    print("\n".join(notes(directory)))
+
+
+def check_robot(
+    name: Annotated[str, typer.Argument(help="The robot.", metavar="NAME", autocompletion=complete.robot)],
+    tasks: Annotated[str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")] = "click_bell",
+    images: Annotated[Path | None, typer.Option(help="Directory for an image of each clause.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check that a robot can do its work; exit code 1 if a clause does not hold."""
+    from pipeline.run.robots.check import check_robot as check
+    from pipeline.tasks.contract import TASKS, expand_tasks
+    from pipeline.world.robots import canonical_name
+
+    wanted = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
+    if unknown := [task for task in wanted if task not in TASKS]:
+        raise UsageError(f"--tasks {unknown[0]!r}: `domino-data tasks` lists them")
+    robot = canonical_name(name)
+    print_findings({robot: [*check(robot, wanted, images)]}, as_json)

@@ -18,9 +18,8 @@ from pipeline.annotate.work import Outcome, StageWorker
 from pipeline.data.atomic import sweep
 from pipeline.data.store.lock import exclusive
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 
 LEASE = 8
 """Most episodes handed to a worker at once: enough for its prefetch thread to run ahead."""
@@ -42,17 +41,11 @@ class Execution:
     progress: bool = False
 
 
-class Planned(TypedDict):
-    """A row of a dry run's report: an episode that would be annotated, and why."""
-
-    episode: str
-    action: str
-    state: str
-    reason: str
-
-
 class StageReport(TypedDict):
-    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale or corrupt file."""
+    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale or corrupt file.
+
+    `plan` of a dry run has the episode, action, state and reason of each episode that would be annotated.
+    """
 
     name: str
     camera: str
@@ -66,7 +59,7 @@ class StageReport(TypedDict):
     seconds: float
     hit_rate: float
     problems: list[str]
-    plan: NotRequired[list[Planned]]
+    plan: NotRequired[list[dict[str, str]]]
 
 
 class AnnotateReport(TypedDict):

@@ -27,10 +27,9 @@ from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine.dispatch import run
 from pipeline.run.engine.metrics import Metrics
 from pipeline.run.engine.node import NodeCheck
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.engine.progress import Kind, Progress
+from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
+from pipeline.run.engine.progress import SHOWN, Kind, Progress
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.mend import from_scenes, mend_assets
@@ -106,7 +105,7 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
     parts = Counter(known[slot].todo for slot in todo)
     jobs = _jobs(dataset, recipe, known, todo)
     running.clear_all(dataset, todo)
-    progress = Progress(len(slots), len(slots) - len(todo), shown)
+    progress = SHOWN[shown](len(slots), len(slots) - len(todo))
     if recovered:
         progress.write_line(f"{recovered:,} missing entries of the ledger are restored from their episodes")
     ledger, unfinished = LedgerWriter(dataset.ledger), {slot for slot in todo if known[slot].todo == OPEN}

@@ -1,23 +1,65 @@
 """What an episode costs in seconds and bytes: as a dataset's own record says, as measured here, or as benchmarks say."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.ledger.columns import numbers, parents, single
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.planning.warm import warm_up
-from pipeline.run import sizes
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.typical import bytes_of, seconds_of
 from pipeline.world.vulkan import ensure_renderer
+
+SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
+"""Parts of a file by the names of their datasets; what is left are states: poses, joints, instructions and the headers."""
+
+STATES = "states"
+
+
+def parts_of(path: Path) -> dict[str, int]:
+    """Bytes of an episode file by part; their sum is its size. Raises OSError for a file that cannot be read."""
+    found = Counter[str]()
+
+    def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        part = SENSORS.get(name.rpartition("/")[2])
+        if part and isinstance(item, h5py.Dataset):
+            found[part] += item.id.get_storage_size()
+
+    try:
+        with open_hdf5(path) as file:
+            file.visititems(add)
+    except (RuntimeError, KeyError, ValueError) as error:  # what h5py makes of damaged metadata
+        raise OSError(f"{path}: {error}") from error
+    return dict(found) | {STATES: path.stat().st_size - found.total()}
+
+
+def mean_parts(paths: Iterable[Path]) -> dict[str, float]:
+    """Mean bytes of an episode by part, over those of the files that can be read; nothing if none can."""
+    found = list[dict[str, int]]()
+    for path in paths:
+        try:
+            found.append(parts_of(path))
+        except OSError:
+            continue
+    names = [name for name in (*SENSORS.values(), STATES) if any(name in parts for parts in found)]
+    return {name: sum(parts.get(name, 0) for parts in found) / len(found) for name in names}
+
+
+def format_size(size: float) -> str:
+    """A number of bytes in words."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
+
 
 MEASURED = 3
 """Slots that a measurement makes, besides the first, which pays for what is loaded once."""
@@ -34,7 +76,7 @@ LOOKED_AT = 20
 class Cost:
     """Seconds and bytes that an episode takes, failed attempts included, and where the figures come from.
 
-    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/sizes.py), where files were looked at.
+    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/py), where files were looked at.
     """
 
     seconds: float
@@ -57,7 +99,7 @@ class Cost:
             return "nothing is left to make"
         minutes = 60 * self.hours(episodes, workers)
         time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
-        amount = sizes.format_size(episodes * self.size)
+        amount = format_size(episodes * self.size)
         return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (from {self.source})"
 
 
@@ -88,7 +130,7 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
         size,
         "this dataset",
         _mean_core([core for _, core in phases]),
-        _shares(size, sizes.mean_parts(dataset.episode(slot) for slot in few)),
+        _shares(size, mean_parts(dataset.episode(slot) for slot in few)),
     )
 
 
@@ -133,7 +175,7 @@ def measure(recipe: Recipe) -> Cost:
             float(np.mean([record.file.size for record in accepted.values()])),
             f"{len(accepted)} episodes measured now",
             _mean_core([_by_phase(record.phases)[1] for record in accepted.values()]),
-            sizes.mean_parts(dataset.episode(slot) for slot in accepted),
+            mean_parts(dataset.episode(slot) for slot in accepted),
         )
 
 

@@ -12,8 +12,7 @@ from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.engine.dispatch import run
 from pipeline.run.engine.node import NodeCheck
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
-from pipeline.run.engine.strikes import Strikes
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.redraw import DrawJob, Drawn, draw_slot, is_drawn, origin_of
 

@@ -17,8 +17,7 @@ from pipeline.evaluate.policies import identify
 from pipeline.evaluate.policy import PolicyError, PolicyName
 from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.engine.strikes import Strikes
+from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
 from pipeline.run.identity import sources
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.robots import get_embodiment

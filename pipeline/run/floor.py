@@ -54,20 +54,19 @@ def judge(cell: Cell, wanted: int, floor: Floor, first: Sequence[Rows]) -> Stop 
 
 def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
     """The stopped cells of a dataset, by its ledger."""
-    tried = _read_attempts(dataset, recipe)
-    for cell, wanted in recipe.counts().items() if recipe.floor else ():
-        if recipe.floor and wanted > recipe.floor.slots:
-            rows = [tried[slot] for index in range(recipe.floor.slots) if (slot := Slot(cell, index)) in tried]
-            if len(rows) == recipe.floor.slots and (stop := judge(cell, wanted, recipe.floor, rows)):
-                yield stop
+    if (floor := recipe.floor) is None:
+        return
+    tried = _read_attempts(dataset, recipe, floor)
+    for cell, wanted in recipe.counts().items():
+        rows = [tried[slot] for index in range(floor.slots) if (slot := Slot(cell, index)) in tried]
+        if len(rows) == floor.slots and (stop := judge(cell, wanted, floor, rows)):
+            yield stop
 
 
-def _read_attempts(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
+def _read_attempts(dataset: Dataset, recipe: Recipe, floor: Floor) -> dict[Slot, Rows]:
     """The attempts at the first slots of every cell, by the ledger."""
-    if recipe.floor is None:
-        return {}
     entries = dataset.entries(recipe, ("attempts",))
-    first = entries.where([not slot.variant and slot.index < recipe.floor.slots for slot in entries.slots])
+    first = entries.where([not slot.variant and slot.index < floor.slots for slot in entries.slots])
     return dict(zip(first.slots, first.table["attempts"].to_pylist(), strict=True))
 
 
@@ -93,7 +92,7 @@ class Probation:
                 self._held.setdefault(job.slot.cell, []).append(job)
         jobs.clear()
         jobs.extend(ready)
-        tried = _read_attempts(dataset, recipe)
+        tried = _read_attempts(dataset, recipe, recipe.floor)
         for cell in self._held:
             first = self._first[cell] = {}
             for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.data.atomic import temporary_name, write_atomic
+from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.dataset import CHANGED, Dataset, DatasetError
 from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.ledger.records import SlotRecord
@@ -179,17 +179,12 @@ def _link(path: Path, to: Path) -> None:
     """Make `to` a hard link of `path`, or an atomic copy with the same modification time; another file there is replaced."""
     if to.exists() and (os.path.samefile(path, to) or file_stamp(path) == file_stamp(to)):
         return
-    to.parent.mkdir(parents=True, exist_ok=True)
-    temporary = temporary_name(to)
-    temporary.unlink(missing_ok=True)
-    try:
+    with atomic_path(to) as temporary:
+        temporary.unlink(missing_ok=True)
         try:
             os.link(path, temporary)
         except OSError:  # another file system, or one without hard links
             shutil.copy2(path, temporary)
-        os.replace(temporary, to)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _provenance(sources: Sequence[Dataset]) -> dict[str, Any]:

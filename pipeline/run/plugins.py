@@ -17,6 +17,7 @@ from glob import glob
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
+from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
 from pipeline.data.store.user_cache import user_cache
@@ -150,10 +151,6 @@ class Snapshot:
         for files in self.files:
             root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / digest([[name, content.hex()] for name, content in files])
             for name, content in files:
-                path = root / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-                temporary.write_bytes(content)
-                temporary.replace(path)
+                write_atomic(root / name, content)
             use_plugins([str(root)])
         load_plugins()

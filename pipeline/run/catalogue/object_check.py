@@ -9,8 +9,8 @@ import sapien
 from pipeline.data.findings import Finding, catch_errors
 from pipeline.poses import Pose, pose, quat_rotate
 from pipeline.run.objects.solid import inside
+from pipeline.run.objects.source import TRIANGLES as OF_A_FILE
 from pipeline.run.objects.standing import first_of
-from pipeline.run.objects.thinning import TRIANGLES as OF_A_FILE
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, stands_for
 from pipeline.world.objects.words import SEEN, UNSEEN

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.run.doctor.machine import driver_advice
-from pipeline.run.doctor.result import Result
+from pipeline.run.doctor.machine import Result, driver_advice
 
 FRAME = """
 import json, time

@@ -1,12 +1,25 @@
-"""The machine: Python, disk, memory, shared memory, and how a Vulkan driver is installed here. Nothing is imported or started."""
+"""What an examination finds, and the machine: Python, disk, memory, shared memory, and how a Vulkan driver is installed here."""
 
 import platform
 import shutil
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from pipeline.run.doctor.result import Result
+Verdict = Literal["PASS", "WARN", "FAIL"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """`verdict` FAIL: nothing can be built; WARN: something that not everybody needs does not work. `fix` says how to mend it."""
+
+    name: str
+    verdict: Verdict
+    detail: str
+    fix: str = ""
+
 
 PYTHON = (3, 12)
 GB = 1e9

@@ -11,7 +11,7 @@ from importlib import metadata
 from pipeline.annotate.models import resolve
 from pipeline.annotate.options import FeatureOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.run.doctor.result import Result
+from pipeline.run.doctor.machine import Result
 
 CV2 = "opencv-python-headless"
 EXTRAS = {

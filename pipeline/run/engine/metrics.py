@@ -3,10 +3,11 @@
 from typing import Any
 
 from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.ledger.table import PLACE
 from pipeline.data.recipe.model import Slot
 from pipeline.run.engine.pool import Pool
 
-CELL = ("task", "embodiment", "level", "alpha", "domain")
+CELL = PLACE[:5]
 
 COUNTERS = {
     "domino_slots": ("Slots that ended; outcome is accepted or given_up.", (*CELL, "outcome")),

@@ -39,10 +39,10 @@ def run_on_ray[J, R](
     with session(pool):
         plugins = Snapshot.taken() if pool.address else Snapshot()  # workers of this machine inherit the directories
         crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), Entry(check, plugins))
-        with _daemons(pool) as daemons:
+        with _daemons(pool) as check_daemons:
             try:
                 while jobs or crew.at_work:
-                    daemons.check()
+                    check_daemons()
                     crew.hire(min(pool.workers, len(jobs) + crew.at_work))
                     crew.hand_out(jobs)
                     yield from crew.ends()
@@ -64,28 +64,22 @@ def _share(pool: Pool, gpus: bool) -> float:
     return pool.gpus
 
 
-class _Daemons:
-    """Ray's own processes where this process has started them. Without one of them, calls to Ray wait for minutes or forever."""
+@contextmanager
+def _daemons(pool: Pool) -> Iterator[Callable[[], None]]:
+    """What raises EngineError once the raylet or the control service below this process has ended: calls to Ray wait for minutes
+    or forever then. Only where they are this run's: nodes of a cluster may come and go."""
+    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in find_children(os.getpid(), name)]
+    names, poll = {os.pidfd_open(pid): name for name, pid in found}, select.poll()
+    for descriptor in names:
+        poll.register(descriptor, select.POLLIN)
 
-    def __init__(self, names: dict[int, str]) -> None:
-        self._names, self._poll = names, select.poll()
-        for descriptor in names:
-            self._poll.register(descriptor, select.POLLIN)
-
-    def check(self) -> None:
-        """Raise EngineError if a process has ended."""
-        for descriptor, _ in self._poll.poll(0):
-            name = self._names[descriptor]
+    def check() -> None:
+        for descriptor, _ in poll.poll(0):
+            name = names[descriptor]
             raise EngineError(f"Ray's {name} has ended (killed, or no memory left?); rerun the same command to resume")
 
-
-@contextmanager
-def _daemons(pool: Pool) -> Iterator[_Daemons]:
-    """The raylet and the control service below this process, where they are this run's; nodes of a cluster may come and go."""
-    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in find_children(os.getpid(), name)]
-    names = {os.pidfd_open(pid): name for name, pid in found}
     try:
-        yield _Daemons(names)
+        yield check
     finally:
         for descriptor in names:
             os.close(descriptor)

@@ -11,12 +11,10 @@ import numpy as np
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.names import is_name
-from pipeline.run.objects.framing import frames_like, kinds_like, kinds_of
 from pipeline.run.objects.holding import WIDEST, two_finger_grasps
 from pipeline.run.objects.solid import bounds, solid_of
-from pipeline.run.objects.source import Part, read_source
-from pipeline.run.objects.standing import stand_up
-from pipeline.run.objects.thinning import drawn_parts, welded
+from pipeline.run.objects.source import Part, drawn_parts, read_source, welded
+from pipeline.run.objects.standing import frames_like, kinds_like, kinds_of, stand_up
 from pipeline.run.plugins import directories
 from pipeline.world.glb import write_glb
 from pipeline.world.objects.contract import FAMILIES, Grasp

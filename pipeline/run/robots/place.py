@@ -45,18 +45,12 @@ class Scan:
     y: Floats
 
 
-def _lines(first: float, last: float, spacing: float) -> Floats:
+def lines(first: float, last: float, spacing: float) -> Floats:
+    """Grid lines (m) from the first to the last."""
     return np.arange(first, last + 1e-4, spacing, dtype=np.float64)
 
 
-FULL = Scan(
-    (0.03, 0.15),
-    (30, 45, 60, 90),
-    (0, 25, -25, 50, -50, 75, -75),
-    _lines(-0.4, 0.1, 0.05),
-    _lines(-0.25, 0.25, 0.05),
-)
-COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), _lines(-0.4, 0.1, 0.1), _lines(-0.25, 0.25, 0.1))
+COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), lines(-0.4, 0.1, 0.1), lines(-0.25, 0.25, 0.1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +71,10 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Bases (7,) and rest configurations by side, and the reach (None for an arm of fewer than six joints)."""
+    """Bases (7,) and rest configurations by side."""
 
     base: dict[str, Floats]
     home: dict[str, Floats]
-    reach: Reach | None
 
 
 def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: Iterable[float] | None = None) -> Embodiment:
@@ -91,15 +84,6 @@ def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: I
     rest = arm.home if home is None else tuple(home)
     arms = {side: replace(arm, base=pose((s * x, y, z), q), home=rest) for side, s in (("left", -1), ("right", 1))}
     return Embodiment(arm.model, arms, HEAD_CAMERA)
-
-
-def moved(embodiment: Embodiment, x: float, y: float, z: float, yaw: float) -> Embodiment:
-    """The robot with its bases at (-x, y, z) and (x, y, z), turned by `yaw` rad inwards, without its furniture."""
-    arms = {
-        side: replace(arm, base=pose((s * x, y, z), quat_multiply(quat_about((0, 0, 1), s * yaw), arm.base[3:])))
-        for (side, arm), s in zip(embodiment.arms.items(), (-1, 1), strict=True)
-    }
-    return replace(embodiment, arms=arms, furniture_collision=())
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Floats:
@@ -113,7 +97,7 @@ def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Float
     return np.array([frame((x, y, TABLE_TOP + height), approach, s * opening) for s in (1, -1) for x, y in cells])
 
 
-def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan = FULL) -> tuple[Floats, NDArray[np.bool_]]:
+def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan) -> tuple[Floats, NDArray[np.bool_]]:
     """Left arm joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
     arm = robot.arms["left"]
     chain = chain_of(arm)
@@ -132,7 +116,7 @@ def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: S
     return q, done
 
 
-def measure(robot: Embodiment, scan: Scan = FULL) -> Reach:
+def measure(robot: Embodiment, scan: Scan) -> Reach:
     """Reach of the left arm."""
     arm = robot.arms["left"]
     cells = np.array(list(product(scan.x, scan.y)), np.float64)
@@ -192,10 +176,9 @@ def find_site(arm: Arm) -> Site | None:
             continue
         arms = {s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()}
         robot = replace(robot, arms=arms)
-        reach = measure(robot, COARSE) if chain.dof >= 6 else None
-        score = reach.score if reach is not None else _sample_reach(tools, place, yaw)
+        score = measure(robot, COARSE).score if chain.dof >= 6 else _sample_reach(tools, place, yaw)
         if best is None or score > best[0]:
-            best = score, Site({s: a.base for s, a in arms.items()}, {s: np.array(a.home) for s, a in arms.items()}, reach)
+            best = score, Site({s: a.base for s, a in arms.items()}, {s: np.array(a.home) for s, a in arms.items()})
     return None if best is None else best[1]
 
 

@@ -17,8 +17,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.slot import running
-from pipeline.run.slot.failures import Failed, keep_failure, remove_failures
-from pipeline.run.slot.last_frames import keep_last_frames
+from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
 from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
 from pipeline.run.slot.sending import send_slot
 from pipeline.run.slot.worker_log import worker_log

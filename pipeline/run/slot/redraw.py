@@ -15,7 +15,7 @@ from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.ledger.stamps import DAMAGED, file_stamp
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.make import Look, images_of, read_facts, write
+from pipeline.run.slot.make import images_of, read_facts, write
 from pipeline.run.slot.sending import send_slot
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
@@ -125,7 +125,7 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     changed["assets"] = kept | keep_images(appearance.images, AssetStore(out.bodies))
     drawing = episode.meta.drawing.model_copy(update=changed)
     objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
-    images = images_of(Look(appearance, drawing, objects), episode.log, job.recipe, phases)
+    images = images_of(appearance, drawing, objects, episode.log, job.recipe, phases)
     with phases("write"):
         for key in dict.fromkeys(kept.values()):
             AssetStore(out.bodies).copy(key, store)

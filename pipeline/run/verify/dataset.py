@@ -19,15 +19,13 @@ from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.store.mirror import free_space
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import DONE, OPEN, SlotState, states
 from pipeline.run.verify.condemn import condemn
 from pipeline.run.verify.drawn import other_device
 from pipeline.run.verify.episode import Judged, judge_episode, judge_images
-from pipeline.run.verify.exports import check_export, exports_of
 from pipeline.run.verify.layout import (
     check_attempts,
     check_entry,
@@ -38,7 +36,7 @@ from pipeline.run.verify.layout import (
     damaged_groups,
     unrecorded,
 )
-from pipeline.run.verify.stored import check_assets, check_stage
+from pipeline.run.verify.stored import check_assets, check_export, check_stage, exports_of
 from pipeline.run.verify.tally import Finding, Tally
 from pipeline.world.vulkan import ensure_renderer
 

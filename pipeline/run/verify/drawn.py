@@ -43,9 +43,7 @@ def check_drawn(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord
 
     Which frames follows from the episode's keys. Raises EpisodeError and AssetError for files that cannot be read.
     """
-    path = dataset.episode(slot)
-    name = path.relative_to(dataset.root).as_posix()
-    with EpisodeFile(path) as file:
+    with EpisodeFile(dataset.episode(slot)) as file:
         episode, stored = file.read(), stored_images(file)
     frames = sample_frames(record.keys.render, len(episode.log), count)
     appearance = stored_appearance(episode, AssetStore(dataset.bodies), cached_parts)
@@ -55,10 +53,10 @@ def check_drawn(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord
             pairs = ((view.depth, old.depth), (view.segmentation, old.segmentation))
             same = coded[frame] == image
             same &= all(b is not None and np.array_equal(a[k], b[frame]) for a, b in pairs if a is not None)
-            yield observe("images", same, f"{name}: {view.camera.name} image {frame} is not what its state log shows")
+            yield observe("images", same, f"{view.camera.name} image {frame} is not what its state log shows")
     if made.pointcloud is not None:
         same = stored.pointcloud is not None and np.array_equal(made.pointcloud, stored.pointcloud[frames])
-        yield observe("images", same, f"{name}: pointcloud is not what its state log shows")
+        yield observe("images", same, "pointcloud is not what its state log shows")
 
 
 def sample_frames(key: Key, frames: int, count: int) -> list[int]:

@@ -31,7 +31,6 @@ class Physics:
     """One episode, its motion, and its scene built again. `keys` are those of its ledger entry, `camera_poses` (T, 7) by camera;
     `bodies` is where the dataset keeps what they look like."""
 
-    name: str
     episode: Episode
     recipe: Recipe
     slot: Slot
@@ -53,24 +52,20 @@ class Physics:
         return motion_from_json(self.episode.motion)
 
     @cached_property
-    def scene(self) -> Scene | None:
-        """The scene of the spec by the rules that the header names, or None for a task or robot that this version does not have.
+    def built(self) -> Scene | UnknownName:
+        """The scene of the spec by the rules that the header names, or what this version does not have of it, a task or a robot.
 
         Raises ValueError for a header that names rules which do not exist.
         """
         try:
             return build_scene(self.episode.spec, rules_of(self.episode.meta))
-        except UnknownName:
-            return None
+        except UnknownName as unknown:
+            return unknown
 
     @property
-    def missing(self) -> str:
-        """The task or robot of the spec that this version does not have."""
-        try:
-            build_scene(self.episode.spec, rules_of(self.episode.meta))
-        except UnknownName as unknown:
-            return str(unknown)
-        return ""
+    def scene(self) -> Scene | None:
+        """As `built`, None for a task or robot that this version does not have."""
+        return None if isinstance(self.built, UnknownName) else self.built
 
     @property
     def end(self) -> np.ndarray:
@@ -90,23 +85,21 @@ class Physics:
 def check_clock(p: Physics) -> Iterator[Finding]:
     """Frames are k / fps, events fall between them and are those of an accepted episode."""
     log, fps = p.episode.log, p.episode.meta.fps
-    yield observe(
-        "timestamps", np.allclose(log.times, np.arange(len(log)) / fps, atol=1e-9), f"{p.name}: timestamps are not k / fps"
-    )
+    yield observe("timestamps", np.allclose(log.times, np.arange(len(log)) / fps, atol=1e-9), "timestamps are not k / fps")
     outside = [e.name for e in log.events if not 0 <= e.time <= log.times[-1] + 1 / fps]
-    yield observe("events", not outside, f"{p.name}: {', '.join(outside)} is not within the episode")
+    yield observe("events", not outside, f"{', '.join(outside)} is not within the episode")
     for wanted in ("meeting", "success"):
-        yield observe("events", log.event(wanted), f"{p.name}: has no {wanted} event")
+        yield observe("events", log.event(wanted), f"has no {wanted} event")
 
 
 def check_identity(p: Physics) -> Iterator[Finding]:
     """Its physics_id is that of spec and log; its instructions are sentences."""
     e = p.episode
     same = e.meta.physics_id == physics_id(e.spec, e.log)
-    yield observe("physics id", same, f"{p.name}: its physics_id is not that of its spec and state log")
+    yield observe("physics id", same, "its physics_id is not that of its spec and state log")
     for split, sentences in e.instructions.items():
         right = bool(sentences) and all(s.strip() and s.isprintable() for s in sentences)
-        yield observe("instructions", right, f"{p.name}: instruction/{split} is empty or holds what is no sentence")
+        yield observe("instructions", right, f"instruction/{split} is empty or holds what is no sentence")
 
 
 def check_motion(p: Physics) -> Iterator[Finding]:
@@ -115,29 +108,27 @@ def check_motion(p: Physics) -> Iterator[Finding]:
     freed = log.time_of("meeting" if e.meta.contact == "hold" else "release")
     kinematic = log.times < (np.inf if freed is None else freed)
     gap = np.linalg.norm(log.pose(e.meta.target)[kinematic, :3] - motion.pose(log.times[kinematic])[:, :3], axis=1).max()
-    yield observe("target path", gap < TARGET_TOLERANCE, f"{p.name}: target {1000 * gap:.2f} mm off its motion")
+    yield observe("target path", gap < TARGET_TOLERANCE, f"target {1000 * gap:.2f} mm off its motion")
     if not e.spec.moving:
-        yield observe("speed", motion.features().maximum_speed == 0.0, f"{p.name}: the target of a static episode moves")
+        yield observe("speed", motion.features().maximum_speed == 0.0, "the target of a static episode moves")
         return
     same = (motion.level, motion.alpha) == (e.spec.level, e.spec.alpha)
-    yield observe("motion", same, f"{p.name}: its motion is of level {motion.level} at alpha {motion.alpha:g}, not of its spec")
+    yield observe("motion", same, f"its motion is of level {motion.level} at alpha {motion.alpha:g}, not of its spec")
     for verdict in MODELS[motion.model].judge(motion, p.recipe.speed_bound):
-        yield observe(verdict.name, verdict.holds, f"{p.name}: {verdict.problem}")
+        yield observe(verdict.name, verdict.holds, verdict.problem)
     stated, found = (e.meta.average_speed, e.meta.maximum_speed), motion.features()
     right = np.allclose(stated, (found.average_speed, found.maximum_speed), atol=1e-6)
-    yield observe("speed", right, f"{p.name}: states speeds of {stated} m/s")
+    yield observe("speed", right, f"states speeds of {stated} m/s")
 
 
 def check_success(p: Physics) -> Iterator[Finding]:
     """The motion ends at the meeting place, and success holds when evaluated again from the state log."""
     if p.scene is None:
-        yield Finding("success", f"{p.name}: cannot be re-evaluated with this version: {p.missing}")
+        yield Finding("success", f"cannot be re-evaluated with this version: {p.built}")
         return
     miss = float(np.linalg.norm(p.motion.pose(p.episode.meta.meeting_time)[:3] - p.end))
-    yield observe("meeting place", miss < MEETING_TOLERANCE, f"{p.name}: motion is {1000 * miss:.3f} mm from its end at T_meet")
-    yield observe(
-        "success", p.scene.succeeded(p.episode.log), f"{p.name}: success does not hold when re-evaluated from its state log"
-    )
+    yield observe("meeting place", miss < MEETING_TOLERANCE, f"motion is {1000 * miss:.3f} mm from its end at T_meet")
+    yield observe("success", p.scene.succeeded(p.episode.log), "success does not hold when re-evaluated from its state log")
 
 
 def check_interception(p: Physics) -> Iterator[Finding]:
@@ -147,16 +138,16 @@ def check_interception(p: Physics) -> Iterator[Finding]:
     conditions = conditions_of(e.interception)
     for key, wanted in physics_arrays(derived, conditions).items():
         same = key in e.interception and np.array_equal(e.interception[key], wanted)
-        yield observe("interception", same, f"{p.name}: interception/{key} differs from the state log")
+        yield observe("interception", same, f"interception/{key} differs from the state log")
     failing = [name for name, holds in conditions.items() if len(holds) != len(log) or not holds[-1]]
-    yield observe("interception", not failing, f"{p.name}: condition {', '.join(failing)} does not hold at the end")
+    yield observe("interception", not failing, f"condition {', '.join(failing)} does not hold at the end")
     met, sides = log.event("meeting"), {touch.side: touch for touch in log.touches}
     touch = next((sides[side] for side in sides if met and met.by.startswith(f"{side}_") and met.by not in e.meta.objects), None)
     right = touch is None or (met is not None and touch.step == round(met.time * e.meta.physics_hz))
-    yield observe("interception", right, f"{p.name}: its first contact is not at the meeting")
+    yield observe("interception", right, "its first contact is not at the meeting")
     last = round(float(log.times[-1]) * e.meta.physics_hz)
     inside = all(0 <= run.start < run.end <= last for run in log.skills) and bool(log.skills)
-    yield observe("interception", inside, f"{p.name}: its runs of skills are missing or not within the episode")
+    yield observe("interception", inside, "its runs of skills are missing or not within the episode")
 
 
 CHECKS = {

@@ -32,19 +32,19 @@ def check_robot(p: Physics) -> Iterator[Finding]:
             own = {name.removeprefix(f"{side}_"): values for name, values in columns.items() if name.startswith(f"{side}_")}
             placed = {f"{side}_{link}": pose for link, pose in link_poses(arm, own).items()}
             odd = [body for body in log.bodies if body in placed and not _same(log.pose(body), placed[body])]
-            said = f"{p.name}: {', '.join(odd[:3])} {'is' if len(odd) == 1 else 'are'} not where the joints place them"
+            said = f"{', '.join(odd[:3])} {'is' if len(odd) == 1 else 'are'} not where the joints place them"
             yield observe("robot", not odd, said)
             tool = compose(log.pose(f"{side}_{arm.hand}"), arm.tcp)
-            yield observe("robot", _same(log.tcp[:, number], tool), f"{p.name}: endpose/{side}_endpose is not that of the hand")
+            yield observe("robot", _same(log.tcp[:, number], tool), f"endpose/{side}_endpose is not that of the hand")
             names = [*(f"{side}_{name}" for name in arm.arm_joints), f"{side}_gripper"]
             jaws = np.stack([own[name] for name in arm.gripper.joints], axis=1)
             measured = [*(own[name] for name in arm.arm_joints), np.array([jaw_value(arm.gripper, row) for row in jaws])]
             state = log.state[:, [log.vector_names.index(name) for name in names]]
             same = np.allclose(state, np.stack(measured, axis=1), atol=CLOSE)
-            yield observe("robot", same, f"{p.name}: joint_state of the {side} arm is not that of the joints")
+            yield observe("robot", same, f"joint_state of the {side} arm is not that of the joints")
     for name, info in meta.drawing.cameras.items():
         mounted = world_poses(info.camera(name), body_poses(log.late(meta.drawing.latency)), len(log))
-        yield observe("cameras", _same(p.camera_poses[name], mounted), f"{p.name}: {name} is not where it is mounted")
+        yield observe("cameras", _same(p.camera_poses[name], mounted), f"{name} is not where it is mounted")
 
 
 def check_tracks(p: Physics) -> Iterator[Finding]:
@@ -62,7 +62,7 @@ def check_tracks(p: Physics) -> Iterator[Finding]:
         return  # another check names the asset
     made = track_arrays(appearance, some, objects)
     odd = sorted(key for key in {*stored, *made} if key not in stored or key not in made or _differ(stored[key][frames], made[key]))
-    yield observe("tracks", not odd, f"{p.name}: interception/{''.join(odd[:1])} is not where its bodies are")
+    yield observe("tracks", not odd, f"interception/{''.join(odd[:1])} is not where its bodies are")
 
 
 def _differ(stored: np.ndarray, made: np.ndarray) -> bool:
@@ -77,7 +77,7 @@ def check_sentences(p: Physics) -> Iterator[Finding]:
     wanted = sentences(p.scene, p.recipe.instructions)
     for split, made in wanted.items():
         same = list(p.episode.instructions[split]) == made
-        yield observe("instructions", same, f"{p.name}: instruction/{split} is not that of its scene")
+        yield observe("instructions", same, f"instruction/{split} is not that of its scene")
 
 
 def _same(stored: np.ndarray, computed: np.ndarray) -> bool:
