@@ -16,7 +16,7 @@ from pathlib import Path
 
 from benchmarks.hardware import hardware
 from pipeline.commands.options import parse_value
-from pipeline.commands.render import with_looks
+from pipeline.commands.build import with_looks
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile

@@ -23,7 +23,7 @@ def plan(recipe: Wanted, dataset: Place | None = None, *, workers: int = 1, meas
     `dataset` is an existing one whose finished episodes are subtracted, and whose times and sizes are the estimate. With `measure`,
     four episodes are made in a temporary directory to estimate both. Raises RecipeError for a recipe that cannot be used.
     """
-    from pipeline.run.cost import measure as run_measure
+    from pipeline.run.plan import measure as run_measure
     from pipeline.run.plan import plan as run_plan
 
     wanted = _recipe(recipe)

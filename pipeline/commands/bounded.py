@@ -55,12 +55,7 @@ def name_of(param: Any) -> str:
     return max(param.opts, key=len) if isinstance(param, TyperOption) else param.metavar or param.name.upper()
 
 
-def own_words() -> list[str]:
-    """The words of this process's command line."""
-    return sys.argv[1:]
-
-
-def run_app(app: Typer, name: str, words: Callable[[], list[str]] = own_words) -> None:
+def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.argv[1:]) -> None:
     """Run an application on `words()` and exit: every expected error becomes one line on stderr that begins with `name`, and exit
     code 2."""
     try:

@@ -1,4 +1,4 @@
-"""evaluate, compare, paper-table: policies in closed loop, against each other, and beside the rows that the paper prints."""
+"""evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside the paper, on a WebSocket."""
 
 import sys
 from pathlib import Path
@@ -36,17 +36,13 @@ def evaluate(
     answer_seconds: Annotated[
         float,
         typer.Option(
-            min=0.01,
-            max=86_400,
-            help="Time limit of one answer of the policy (s); all answers of an episode have ten times that.",
+            min=0.01, max=86_400, help="Time limit of one answer of the policy (s); all answers of an episode have ten times that."
         ),
     ] = 300.0,
     batch_wait: Annotated[
         float | None,
         typer.Option(
-            min=0,
-            max=60_000,
-            help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions.",
+            min=0, max=60_000, help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions."
         ),
     ] = None,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
@@ -196,3 +192,62 @@ def paper_table(
 
 def _number(paper: bool, value: float, interval: list[float] | None) -> str:
     return f"{value:g}" if paper or interval is None else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
+
+
+def serve_policy(
+    policy: Annotated[str, typer.Argument(help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds.")],
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")] = 8765,
+    clients: Annotated[int, typer.Option(min=1, max=1000, help="Number of simultaneous clients, each with its own policy.")] = 1,
+    batch_wait: Annotated[
+        float | None,
+        typer.Option(min=0, max=60_000, help="Use one BatchPolicy for all clients; a batch waits this many ms for more questions."),
+    ] = None,
+    protocol: Annotated[str, typer.Option(help="domino, or openpi for clients of openpi.")] = "domino",
+    embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
+    reset_every: Annotated[
+        int, typer.Option(min=0, max=100_000, help="Number of questions in an episode of openpi's clients; 0 detects its end.")
+    ] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
+    from pipeline.evaluate.policies import make_policy, policy_name
+    from pipeline.evaluate.policy import Policy, SeesTruth
+    from pipeline.evaluate.serving.address import token
+    from pipeline.evaluate.serving.batching import batcher_of
+    from pipeline.evaluate.serving.openpi import Openpi
+    from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
+    from pipeline.evaluate.serving.session import Domino
+    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
+
+    if protocol not in ("domino", "openpi"):
+        raise UsageError(f"--protocol {protocol!r} is unknown: choose domino or openpi")
+    if reset_every and protocol != "openpi":
+        raise UsageError("--reset-every is for --protocol openpi: the clients of domino report the start of an episode")
+    try:
+        robot = get_embodiment(embodiment).name
+    except UnknownEmbodiment as error:
+        raise UsageError(f"--embodiment: {error}") from error
+    place, name = Place(host, port, token()), policy_name(policy)
+
+    def made() -> Policy:
+        found = make_policy(name)
+        if isinstance(found, SeesTruth):
+            raise UsageError(f"{policy} is shown the simulation itself and cannot be served: give it to evaluate --policy")
+        return found
+
+    def print_address(port: int) -> None:
+        shown = f"[{host}]" if ":" in host else host
+        print_result(
+            {"policy": name.label, "host": host, "port": port},
+            as_json,
+            f"serving {name.label} on {'ws' if protocol == 'domino' else protocol}://{shown}:{port}",
+        )
+        sys.stdout.flush()
+
+    language = Domino(name.label) if protocol == "domino" else Openpi(name.label, robot, reset_every)
+    make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
+    server = PolicyServer(make, language, place, Limits(clients), lambda line: typer.echo(line, err=True))
+    server.run(print_address)

@@ -3,7 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -94,7 +94,11 @@ def annotate(
     build = build_for_dry_run if dry_run else build_stages
     built = build(options, stages, render, execution.device)
     report: AnnotateReport = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
-    with _alone(dataset) if chosen and not dry_run else nullcontext(), session(execution.pool):
+    folder, writes = dataset / "annotations", bool(chosen) and not dry_run
+    if writes:
+        folder.mkdir(exist_ok=True)
+    # not the dataset's lock, so that a build can run meanwhile
+    with exclusive(folder) if writes else nullcontext(), session(execution.pool):
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
@@ -102,9 +106,9 @@ def annotate(
                 report["stages"].append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
                 continue
             directory = directory_of(stage)
-            if not dry_run and chosen:
+            if writes:
                 write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
-                sweep(dataset / "annotations" / directory)
+                sweep(folder / directory)
             with closing(outcomes(stage, dataset, chosen, execution)) as found:
                 bar = tqdm(found, total=len(chosen), desc=directory, unit="episode", disable=not execution.progress)
                 done = sorted(bar, key=lambda o: o.episode)
@@ -112,15 +116,6 @@ def annotate(
                 done = [replace(o, action="computed", reason="after its masks") if o.action == "waiting" else o for o in done]
             report["stages"].append(_summary(stage, directory, done, time.perf_counter() - start, dry_run))
     return report
-
-
-@contextmanager
-def _alone(dataset: Path) -> Iterator[None]:
-    """Hold the lock of the annotations. It is not the dataset's, so that a build can run meanwhile. Raises Busy."""
-    folder = dataset / "annotations"
-    folder.mkdir(exist_ok=True)
-    with exclusive(folder):
-        yield
 
 
 def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution) -> Generator[Outcome, None, None]:

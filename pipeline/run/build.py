@@ -5,7 +5,6 @@ import time
 from collections import Counter, deque
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +21,17 @@ from pipeline.data.store.lock import exclusive
 from pipeline.data.store.urls import with_urls
 from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
-from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.metrics import Metrics
 from pipeline.run.engine.node import NodeCheck
 from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
-from pipeline.run.engine.progress import SHOWN, Kind, Progress
+from pipeline.run.engine.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.run.engine.ray_session import session
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.identity.sources import installed_version
 from pipeline.run.mend import from_scenes, mend_assets
+from pipeline.run.plan import cost_of
 from pipeline.run.recovery import recover
 from pipeline.run.slot import running
 from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
@@ -260,16 +259,10 @@ def _again(dataset: Dataset, job: SlotJob, reason: str, strikes: Strikes) -> Slo
 
 def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
     """What made the dataset: hash of the code, package versions, Python, renderer, processor. No clock."""
-    packages = {}
-    for name in _PACKAGES:
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            packages[name] = "missing"
     return {
         "code_version": code_version(),
         "licences": _licences(recipe),
-        "packages": packages,
+        "packages": {name: installed_version(name) or "missing" for name in _PACKAGES},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": processor(),

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 from tqdm import tqdm
@@ -60,21 +60,13 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
     problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers cannot be started
     or do not last.
     """
-    unfinished = set(work.new)
-    try:
-        return _draw_all(work, ledger, pool, timeout, quiet, unfinished)
-    finally:
-        work.out.withdraw(unfinished)
-
-
-def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool, unfinished: set[Slot]) -> list[str]:
-    """As `draw_all`; takes the slots whose entries came here out of `unfinished`."""
-    problems: list[str] = []
+    problems, unfinished = list[str](), set(work.new)
     jobs, strikes = deque(work.jobs), Strikes(pool.workers)
     limit = Limit[DrawJob](lambda _: timeout)
     bar = tqdm(total=work.done + len(work.jobs), initial=work.done, unit="ep", disable=quiet, dynamic_ncols=True)
     check = NodeCheck(work.jobs[0].out, work.jobs[0].code) if work.jobs else None
-    with bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
+    with ExitStack() as ended, bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
+        ended.callback(work.out.withdraw, unfinished)
         for end in ends:
             match end:
                 case Done(job, drawn):

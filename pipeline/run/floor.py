@@ -82,38 +82,34 @@ class Probation:
         self.stops: list[Stop] = []
         self.untried = set[Slot]()
         self._held: dict[Cell, list[SlotJob]] = {}
-        self._first: dict[Cell, dict[int, Rows | None]] = {}
-        if recipe.floor is None:
+        self._first: dict[Cell, dict[int, Rows]] = {}
+        if (floor := recipe.floor) is None:
             return
-        ready = [job for job in jobs if job.slot.index < recipe.floor.slots]
-        pending = {job.slot for job in ready}
+        ready = [job for job in jobs if job.slot.index < floor.slots]
         for job in jobs:
-            if job.slot.index >= recipe.floor.slots:
+            if job.slot.index >= floor.slots:
                 self._held.setdefault(job.slot.cell, []).append(job)
         jobs.clear()
         jobs.extend(ready)
-        tried = _read_attempts(dataset, recipe, recipe.floor)
-        for cell in self._held:
-            first = self._first[cell] = {}
-            for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):
-                first[slot.index] = None if slot in pending else tried.get(slot)
+        pending, tried = {job.slot for job in ready}, _read_attempts(dataset, recipe, floor)
         for cell in list(self._held):
-            jobs.extend(self._make_jobs(cell))
+            first = [slot for index in range(floor.slots) if (slot := Slot(cell, index)) in tried and slot not in pending]
+            self._first[cell] = {slot.index: tried[slot] for slot in first}
+            jobs.extend(self._make_jobs(cell, floor))
 
     def finish(self, slot: Slot, attempts: Rows) -> "list[SlotJob]":
         """Note a slot that ended, and return the jobs that may start now."""
-        first = self._first.get(slot.cell, {})
-        if slot.index not in first:
+        if self._recipe.floor is None or slot.cell not in self._held:
             return []
-        first[slot.index] = attempts
-        return self._make_jobs(slot.cell)
+        self._first[slot.cell][slot.index] = attempts
+        return self._make_jobs(slot.cell, self._recipe.floor)
 
-    def _make_jobs(self, cell: Cell) -> "list[SlotJob]":
-        rows = [rows for rows in self._first[cell].values() if rows is not None]
-        if self._recipe.floor is None or cell not in self._held or len(rows) < self._recipe.floor.slots:
+    def _make_jobs(self, cell: Cell, floor: Floor) -> "list[SlotJob]":
+        rows = list(self._first[cell].values())
+        if len(rows) < floor.slots:
             return []
         held = self._held.pop(cell)
-        if stop := judge(cell, self._recipe.wanted(cell), self._recipe.floor, rows):
+        if stop := judge(cell, self._recipe.wanted(cell), floor, rows):
             self.stops.append(stop)
             self.untried.update(job.slot for job in held)
             return []

@@ -49,7 +49,7 @@ def rows(headers: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 def first_paragraph(thing: object) -> str:
     """The first paragraph of a docstring on one line."""
-    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
 
 
 def whole(thing: object) -> str:

@@ -11,9 +11,8 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.run.cost import Cost, cost_of, typical
 from pipeline.run.engine.progress import Bar, JsonLines, Progress
-from pipeline.run.plan import BOUNDS, Unbounded, check_bounded, plan
+from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, plan, typical
 from pipeline.run.typical import mean_frames
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.synthetic import CAMERAS, make_episode
@@ -99,7 +98,7 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
 
 
 def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.run.cost.LOOKED_AT", 1)
+    monkeypatch.setattr("pipeline.run.plan.LOOKED_AT", 1)
     dataset = Dataset(tmp_path)
     dataset.create(RECIPE)
     for slot, frames in zip(RECIPE.slots(), (4, 16), strict=False):

@@ -1,8 +1,8 @@
 """Images of object families, drawn as the dataset draws them: a self-contained HTML page, with frames and grasps marked."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,6 @@ MARKED = 5
 """Grasps of an instance that are drawn at most."""
 
 FIELD_OF_VIEW = 30.0  # degrees, vertical
-
-
-@dataclass(frozen=True)
-class Exhibit:
-    """One instance on the page: JPEG bytes of its images and lines of notes."""
-
-    images: Sequence[bytes]
-    notes: Sequence[str]
 
 
 def axes(frame: Pose, length: float) -> list[Part]:
@@ -99,11 +91,12 @@ def write_portrait(name: str, path: Path) -> None:
     write_atomic(path, encode(both, ".png"))
 
 
-def _exhibit(instance: Family, size: tuple[int, int]) -> Exhibit:
+def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
+    """One instance on the page: JPEG bytes of its images and lines of notes."""
     frames = instance.frames()
     notes = (
         ", ".join(instance.words().seen[-2:]),
         f"frames: {', '.join(frames.points)}",
         f"grasps: {', '.join(sorted({g.kind for g in frames.grasps}))}",
     )
-    return Exhibit([encode(portrait(instance, marks, size), quality=85) for marks in (False, True)], notes)
+    return {"images": [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)], "notes": notes}

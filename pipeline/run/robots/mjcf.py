@@ -79,7 +79,7 @@ class _Tree:
             if self.model.body_parentid[body] == 0:
                 continue
             joint = self._joint(body)
-            rule = rules.get(self._only_joint(body))
+            rule = rules.get(int(self.model.body_jntadr[body]))
             if rule is not None and rule.multiplier == 0:
                 joint = replace(joint, kind="fixed", origin=compose(joint.origin, joint_motion(joint, rule.offset)))
             elif rule is not None:
@@ -91,9 +91,6 @@ class _Tree:
         given = getattr(self.model, kind)(i).name
         return given.replace("/", "_").replace("\\", "_") if given else f"{kind}_{i}"
 
-    def _only_joint(self, body: int) -> int:
-        return int(self.model.body_jntadr[body])
-
     def _anchor(self, body: int) -> Pose:
         return self.anchors.get(body, pose())
 
@@ -104,7 +101,7 @@ class _Tree:
         ends = self._name("body", parent), name
         if model.body_jntnum[body] == 0:
             return Joint(f"{name}_fixed", "fixed", *ends, origin)
-        j = self._only_joint(body)
+        j = int(self.model.body_jntadr[body])
         kind = {2: "prismatic", 3: "revolute"}.get(int(model.jnt_type[j]))
         if model.body_jntnum[body] > 1 or kind is None:
             raise UrdfError(f"{self.path}: body {name!r} has a ball joint, a free joint or several: use one hinge or slide a body")

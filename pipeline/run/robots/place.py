@@ -69,14 +69,6 @@ class Reach:
         return float(tilted / 1.6 - 0.15 * self.hidden - 0.15 * self.close)
 
 
-@dataclass(frozen=True, eq=False)
-class Site:
-    """Bases (7,) and rest configurations by side."""
-
-    base: dict[str, Floats]
-    home: dict[str, Floats]
-
-
 def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: Iterable[float] | None = None) -> Embodiment:
     """Two of an arm with bases at (-x, y, z) and (x, y, z), turned from the world's axes by `yaw` rad; no furniture."""
     x, y, z = place
@@ -157,8 +149,8 @@ def blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
     return covers, near
 
 
-def find_site(arm: Arm) -> Site | None:
-    """The place of PLACES from which the arm reaches most of the table, and its rest configurations there; None where it has none.
+def find_site(arm: Arm) -> Embodiment | None:
+    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there; None where there is none.
 
     `arm.base` and `arm.home` are not looked at. The places are ranked by a sample of configurations, and the best of them measured
     by inverse kinematics where the arm has six joints or more.
@@ -168,17 +160,16 @@ def find_site(arm: Arm) -> Site | None:
     tools = fk_batch(chain, q)
     yaw = np.pi / 2 - _forward(tools)
     ranked = sorted(PLACES, key=lambda place: -_sample_reach(tools, place, yaw))
-    best: tuple[float, Site] | None = None
+    best: tuple[float, Embodiment] | None = None
     for place in ranked[:TRIED]:
         robot = stood(arm, place, yaw, (chain.lower + chain.upper) / 2)
         homes = _homes(robot, q, tools)
         if homes is None:
             continue
-        arms = {s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()}
-        robot = replace(robot, arms=arms)
+        robot = replace(robot, arms={s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()})
         score = measure(robot, COARSE).score if chain.dof >= 6 else _sample_reach(tools, place, yaw)
         if best is None or score > best[0]:
-            best = score, Site({s: a.base for s, a in arms.items()}, {s: np.array(a.home) for s, a in arms.items()})
+            best = score, robot
     return None if best is None else best[1]
 
 
@@ -223,9 +214,8 @@ def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[
     arm = robot.arms[side]
     chain = chain_of(arm)
     x = float(arm.base[0])
-    other = "right" if side == "left" else "left"
-    away = replace(robot, arms={side: arm, other: replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))})
-    free = CollisionWorld(replace(away, arms={s: away.arms[s] for s in ("left", "right")})).with_objects(margin=0.0)
+    away = replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))
+    free = CollisionWorld(replace(robot, arms={s: arm if s == side else away for s in SIDES})).with_objects(margin=0.0)
     found = [row for row in _home_candidates(chain, x, q, _in_world(tools, arm.base)) if free.free(side, chain.home)(row)]
     return sorted(found, key=lambda row: -float(limit_margin(chain, row)))
 

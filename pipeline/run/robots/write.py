@@ -11,19 +11,21 @@ import trimesh
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.names import SIDES
-from pipeline.run.robots.place import Site
 from pipeline.world.glb import write_glb
-from pipeline.world.robots.contract import Arm
+from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.directory import TOML, URDF
 from pipeline.world.robots.urdf import arm_urdf, mesh_file
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """An arm with what its directory says besides: tool frame (position, approach, opening), foot (m), licence, source."""
+    """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m), licence, source.
+
+    `tcp` holds position, approach and opening direction in the hand's frame.
+    """
 
     arm: Arm
-    site: Site
+    site: Embodiment
     tcp: tuple[Iterable[float], Iterable[float], Iterable[float]]
     foot: float
     licence: str
@@ -75,10 +77,10 @@ def toml_of(draft: Draft) -> str:
         f"damping = {grip.damping:g}",
         "",
         "[home]",
-        *(f"{side} = {_row(draft.site.home[side])}" for side in SIDES),
+        *(f"{side} = {_row(draft.site.arms[side].home)}" for side in SIDES),
     ]
     for side in SIDES:
-        base = draft.site.base[side]
+        base = draft.site.arms[side].base
         lines += ["", f"[place.{side}]", f"position = {_row(base[:3])}", f"quaternion = {_row(base[3:], 15)}"]
     return "\n".join(lines) + "\n"
 

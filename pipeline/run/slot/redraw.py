@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import CHANGED, Dataset, DatasetError
-from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
-from pipeline.data.episode.meta import CameraInfo, Drawing
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import SlotKeys
@@ -129,14 +129,10 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     with phases("write"):
         for key in dict.fromkeys(kept.values()):
             AssetStore(out.bodies).copy(key, store)
-    sha = write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    known = {"physics_id": physics_id(episode.spec, episode.log), "variant": job.slot.variant, "drawing": images.drawing}
+    redrawn = replace(episode, meta=episode.meta.model_copy(update=known | keys.header()))
+    sha = write(out.episode(job.slot), redrawn, images, phases)
     return sha, read_facts(out, job.slot)
-
-
-def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> Episode:
-    """The episode with what it says about its images brought up to date."""
-    known = {"physics_id": physics_id(episode.spec, episode.log), "variant": slot.variant, "drawing": drawing}
-    return replace(episode, meta=episode.meta.model_copy(update=known | keys.header()))
 
 
 @lru_cache(maxsize=KEPT_PARTS)

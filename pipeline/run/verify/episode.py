@@ -1,4 +1,4 @@
-"""One slot judged by itself: its ledger entry, its episode file, and whether both are what the recipe wants."""
+"""One slot judged by itself: its ledger entry and its episode file, whether both are what the recipe wants, its images."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -6,19 +6,26 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from pipeline.data.dataset import Dataset
+import numpy as np
+
+from pipeline.data.assets import AssetStore
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.keys import file_hash
+from pipeline.data.episode.jpeg import encode_frames
+from pipeline.data.keys import Key, file_hash
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.names import sides_of
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.setup import camera_name
+from pipeline.run.identity.slot_keys import redrawn_keys
+from pipeline.run.slot.make import stored_images
+from pipeline.run.slot.redraw import cached_parts
 from pipeline.run.verify import robot
 from pipeline.run.verify.arrays import check_arrays, check_images
-from pipeline.run.verify.drawn import check_drawn, other_code
 from pipeline.run.verify.physics import CHECKS, Physics
 from pipeline.run.verify.tally import FAULTS, Finding, count_checks, line, named, observe
 from pipeline.stages.failure import Failure
+from pipeline.stages.render import capture, stored_appearance
 
 AGAIN = "run the build again"
 
@@ -74,8 +81,8 @@ def judge_images(judged: Judged, dataset: Dataset, recipe: Recipe, record: SlotR
     """As judged, with `count` frames of every camera of a sound episode rendered again and compared."""
     if not (judged.sound and count):
         return judged
-    if why := other_code(recipe, judged.slot, record):
-        return replace(judged, uncompared=why)
+    if changed := record.keys.render.changed(redrawn_keys(recipe, judged.slot, record.keys).render):
+        return replace(judged, uncompared=f"changed since: {', '.join(changed)}")
     name = dataset.episode(judged.slot).relative_to(dataset.root).as_posix()
     try:
         found = list(check_drawn(dataset, recipe, judged.slot, record, count))
@@ -147,3 +154,44 @@ def check_spec(file: EpisodeFile, recipe: Recipe, slot: Slot, record: SlotRecord
 def _words(values: tuple[object, ...]) -> str:
     task, embodiment, level, alpha, domain, index = values
     return f"{task}/{embodiment}/L{level}/alpha {alpha}/{domain}/{index}"
+
+
+def other_device(dataset: Dataset, device: str) -> str:
+    """Why nothing can be compared that `device` renders; empty if the dataset was rendered by the same kind of device.
+
+    Two devices do not give the same pixels, and the keys of an episode do not name its device: provenance.json does.
+    """
+    try:
+        made = dataset.made_by()
+    except DatasetError:
+        made = {}
+    merged = made.get("merged_from", ())
+    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {"an unknown device"}
+    return "" if named == {device} else f"rendered by {', '.join(sorted(named))}, here by {device}"
+
+
+def check_drawn(dataset: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord, count: int) -> Iterator[Finding]:
+    """`count` frames of every camera, and the depth, segmentation and point clouds stored with them, rendered again.
+
+    Which frames follows from the episode's keys. Raises EpisodeError and AssetError for files that cannot be read.
+    """
+    with EpisodeFile(dataset.episode(slot)) as file:
+        episode, stored = file.read(), stored_images(file)
+    frames = sample_frames(record.keys.render, len(episode.log), count)
+    appearance = stored_appearance(episode, AssetStore(dataset.bodies), cached_parts)
+    made = capture(appearance, episode.log, recipe, frames)
+    for view, old, coded in zip(made.views, stored.views, stored.coded, strict=True):
+        for k, (frame, image) in enumerate(zip(frames, encode_frames(view.rgb), strict=True)):
+            pairs = ((view.depth, old.depth), (view.segmentation, old.segmentation))
+            same = coded[frame] == image
+            same &= all(b is not None and np.array_equal(a[k], b[frame]) for a, b in pairs if a is not None)
+            yield observe("images", same, f"{view.camera.name} image {frame} is not what its state log shows")
+    if made.pointcloud is not None:
+        same = stored.pointcloud is not None and np.array_equal(made.pointcloud, stored.pointcloud[frames])
+        yield observe("images", same, "pointcloud is not what its state log shows")
+
+
+def sample_frames(key: Key, frames: int, count: int) -> list[int]:
+    """Which frames of an episode are rendered again: `count` of them in order, or all where it has no more."""
+    chosen = np.random.default_rng(int(key.digest, 16)).permutation(frames)[:count]
+    return sorted(chosen.tolist())

@@ -1,6 +1,6 @@
 """What is stored beside the episodes: the assets they were drawn from, their annotations, and the exports."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -27,20 +27,10 @@ def check_assets(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]
     """Check that the store holds, undamaged, the assets that each episode (name, assets by body) names; each is read once.
 
     Returns the findings, and all files that are missing or damaged."""
-    store, known = AssetStore(dataset.bodies), dict[str, str]()
+    store, known, findings = AssetStore(dataset.bodies), dict[str, str](), list[Finding]()
     holds = cache(partial(_holds, store))
-    findings = list(_asset_findings(dataset, named, known, holds))
-    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not holds(path)]
-    return findings, [*(store.path(key) for key, problem in known.items() if problem), *unnamed]
-
-
-def _asset_findings(
-    dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]], known: dict[str, str], holds: Callable[[Path], bool]
-) -> Iterator[Finding]:
-    """As `check_assets`; what is wrong with each asset is put into `known`. `holds` tells of a file whether it is an asset."""
-    store = AssetStore(dataset.bodies)
     for name, assets in named:
-        yield observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
+        findings.append(observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again"))
         for body, key in assets.items():
             if key not in known:
                 known[key] = ""
@@ -48,14 +38,17 @@ def _asset_findings(
                     store.get(key)
                 except AssetError as error:
                     known[key] = f"{line(error)} ({body} of {name})"
-                    yield Finding("assets", known[key].replace(f"{dataset.root}/", ""))
+                    findings.append(Finding("assets", known[key].replace(f"{dataset.root}/", "")))
     wanted = {store.path(key) for key in known}
     for path in sorted(p for p in dataset.bodies.rglob("*") if p.is_file() and p.suffix != ".tmp"):
         if path not in wanted and (path.suffix != ".npz" or not holds(path)):
-            yield Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it")
+            findings.append(Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it"))
+    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not holds(path)]
+    return findings, [*(store.path(key) for key, problem in known.items() if problem), *unnamed]
 
 
 def _holds(store: AssetStore, path: Path) -> bool:
+    """Whether a file of the store is an asset."""
     try:
         store.get(path.stem)
     except AssetError:
