@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
-from pipeline.commands.options import parse_value
 from pipeline.commands.build import with_looks
+from pipeline.commands.options import parse_value
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -17,7 +17,7 @@ from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
 from pipeline.run.engine.pool import EXECUTORS, Pool, pick_executor
-from pipeline.run.engine.progress import KINDS, Kind
+from pipeline.run.engine.progress import SHOWN, Kind
 from pipeline.run.engine.signals import Stopped, stop_on_signal
 
 GIVEN_UP = 3
@@ -102,9 +102,6 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
         raise UsageError(f"{option} {show_value(text)} is not a list of numbers like 1,2,3") from error
 
 
-LevelList = Annotated[
-    str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")
-]
 Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
 Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores")]
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
@@ -139,10 +136,9 @@ def executor_of(name: str, workers: int | None) -> tuple[str, int]:
 
 def kind_of(progress: str) -> Kind:
     """How progress is shown, by its name."""
-    for kind in get_args(Kind):
-        if kind == progress:
-            return kind
-    raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(KINDS)}")
+    if progress not in SHOWN:
+        raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(SHOWN)}")
+    return cast(Kind, progress)
 
 
 def pool_of(

@@ -23,19 +23,18 @@ from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.node import NodeCheck
 from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
 from pipeline.run.engine.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.run.engine.ray_session import session
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.identity.sources import installed_version
-from pipeline.run.mend import from_scenes, mend_assets
+from pipeline.run.mend import from_scenes, mend_assets, recover
 from pipeline.run.plan import cost_of
-from pipeline.run.recovery import recover
 from pipeline.run.slot import running
 from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
 from pipeline.run.slot.make import read_facts
+from pipeline.run.slot.running import NodeCheck
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of

@@ -9,12 +9,13 @@ from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.files import LedgerWriter
+from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.node import NodeCheck
 from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.redraw import DrawJob, Drawn, draw_slot, is_drawn, origin_of
+from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
+from pipeline.run.slot.running import NodeCheck
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,13 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
         ended.callback(work.out.withdraw, unfinished)
         for end in ends:
             match end:
-                case Done(job, drawn):
+                case Done(_, str() as problem):
                     strikes.clear()
-                    if drawn.record is not None:
-                        unfinished.discard(job.slot)
-                        ledger.add(job.slot, drawn.record)
-                    problems += [drawn.problem] if drawn.problem else []
+                    problems.append(problem)
+                case Done(job, record):
+                    strikes.clear()
+                    unfinished.discard(job.slot)
+                    ledger.add(job.slot, record)
                 case Died(job, reason) if reason != "node_lost" and strikes.count_loss(job.slot):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")
                 case Died(job, _):
@@ -86,7 +88,7 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
     return sorted(problems)
 
 
-def drawer() -> Callable[[DrawJob], Drawn]:
+def drawer() -> Callable[[DrawJob], SlotRecord | str]:
     """`draw_slot`, in a process that has hashed its code already."""
     code_version()
     return draw_slot

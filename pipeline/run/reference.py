@@ -57,19 +57,17 @@ def whole(thing: object) -> str:
     return " ".join((inspect.getdoc(thing) or "").split())
 
 
+class _Text(str):
+    """A text that stands for a default as it is, without quotation marks."""
+
+    __repr__ = str.__str__
+
+
 def signature(name: str, function: Callable[..., Any]) -> str:
     """How a function is called: names of its arguments with their defaults, numbers rounded; neither types nor self."""
-    parts, keyword_only = [], False
-    for p in inspect.signature(function).parameters.values():
-        if p.name == "self":
-            continue
-        if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
-            parts.append(("*" if p.kind is p.VAR_POSITIONAL else "**") + p.name)
-            continue
-        if p.kind is p.KEYWORD_ONLY and not keyword_only:
-            parts, keyword_only = [*parts, "*"], True
-        parts.append(p.name if p.default is p.empty else f"{p.name}={plain(p.default)}")
-    return f"`{name}({', '.join(parts)})`"
+    given = [p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values() if p.name != "self"]
+    shown = [p if p.default is p.empty else p.replace(default=_Text(plain(p.default))) for p in given]
+    return f"`{name}{inspect.Signature(shown)}`"
 
 
 def plain(value: object) -> str:

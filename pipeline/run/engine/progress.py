@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import IO, Any, Literal, get_args
+from typing import IO, Any, Literal
 
 from tqdm import tqdm
 
@@ -16,7 +16,6 @@ from pipeline.data.recipe.model import Slot
 from pipeline.run.engine.pool import Pool
 
 Kind = Literal["bar", "json", "none"]
-KINDS: tuple[str, ...] = get_args(Kind)
 
 _PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
 

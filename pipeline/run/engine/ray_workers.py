@@ -38,7 +38,7 @@ def run_on_ray[J, R](
     """As `engine.run`, for a pool of Ray workers."""
     with session(pool):
         plugins = Snapshot.taken() if pool.address else Snapshot()  # workers of this machine inherit the directories
-        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), Entry(check, plugins))
+        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), check, plugins)
         with _daemons(pool) as check_daemons:
             try:
                 while jobs or crew.at_work:
@@ -85,25 +85,17 @@ def _daemons(pool: Pool) -> Iterator[Callable[[], None]]:
             os.close(descriptor)
 
 
-@dataclass(frozen=True)
-class Entry:
-    """What a worker does before it works: it loads plugins, and checks its machine."""
-
-    check: Check | None
-    plugins: Snapshot
-
-
 class _Process:
     """What runs inside a Ray actor."""
 
-    def begin(self, make: Callable[[], Callable[[Any], Any]], entry: Entry) -> "_Place":
-        """Look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
+    def begin(self, make: Callable[[], Callable[[Any], Any]], check: Check | None, plugins: Snapshot) -> "_Place":
+        """Load plugins, look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
         # the kernel ends this process with its parent, the raylet, which ends with the driver: even one that hangs or is stopped
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
         try:
-            entry.plugins.load()
-            facts = dict(entry.check()) if entry.check is not None else {}
+            plugins.load()
+            facts = dict(check()) if check is not None else {}
         except DominoError as error:
             raise EngineError(f"node {name}: {error}") from None
         self._work = make()
@@ -145,8 +137,10 @@ class _Worker[J]:
 class _Crew[J, R]:
     """The workers of one run."""
 
-    def __init__(self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, entry: Entry) -> None:
-        self._make, self._limit, self._recycle, self._entry = make, limit, recycle, entry
+    def __init__(
+        self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, check: Check | None, plugins: Snapshot
+    ) -> None:
+        self._limit, self._recycle, self._begin = limit, recycle, (make, check, plugins)
         self._first: _Place | None = None
         self._actor: Any = ray.remote(num_cpus=1, num_gpus=gpus, max_restarts=0, scheduling_strategy="SPREAD")(_Process)
         self._node = ray.get_runtime_context().get_node_id()
@@ -164,7 +158,7 @@ class _Crew[J, R]:
         """Start workers until there are so many."""
         for _ in range(wanted - len(self._busy) - len(self._idle)):
             worker = _Worker[J](self._actor.remote())
-            self._busy[worker.actor.begin.remote(self._make, self._entry)] = worker
+            self._busy[worker.actor.begin.remote(*self._begin)] = worker
 
     def hand_out(self, jobs: deque[J]) -> None:
         """Give jobs to workers that have none."""

@@ -111,11 +111,7 @@ def draft_of(file: Path, options: Options) -> Draft:
     upright = stand_up(pieces, options.family, options.up, "y" if file.suffix.lower() in Y_UP else "z", str(file))
     solid = moved(pieces, upright)
     grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(
-        settings_of(options, solid, grasps, file.name),
-        drawn_parts([part.moved(upright) for part in parts]),
-        solid,
-    )
+    return Draft(settings_of(options, solid, grasps, file.name), drawn_parts([part.moved(upright) for part in parts]), solid)
 
 
 def check_size(file: Path, parts: Sequence[Part]) -> None:

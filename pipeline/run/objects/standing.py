@@ -113,8 +113,6 @@ SHIFT = 0.35  # of the object's size: a surface farther from where the family ha
 TURNED = 0.15  # m that a quarter turn of approach or opening counts beside the distance of two grasps
 WHOLE = {"base", "top"}
 
-type Floats = NDArray[np.float64]
-
 
 def frames_like(pieces: Sequence[Collider], family: str) -> dict[str, Pose]:
     """The frames (7,) that the family has, on the object."""

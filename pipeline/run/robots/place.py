@@ -15,7 +15,7 @@ from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
-from pipeline.poses import frame, pose, quat_about, quat_multiply, quat_rotate, transform
+from pipeline.poses import compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses
@@ -183,17 +183,13 @@ def _forward(tools: Floats) -> float:
 
 def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
     """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down, from a place."""
-    at = _in_world(tools, pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)))
+    at = compose(pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)), tools)
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     low = (at[:, 2] > TABLE_TOP + 0.01) & (at[:, 2] < TABLE_TOP + 0.2)
     seen = at[down & low][:, :2]
     cells = np.floor((seen - (-0.45, -0.3)) / 0.1).astype(int)
     inside = ((cells >= 0) & (cells < (5, 6))).all(axis=1)
     return len(np.unique(cells[inside], axis=0)) / 30
-
-
-def _in_world(tools: Floats, base: Floats) -> Floats:
-    return np.concatenate([transform(base, tools[:, :3]), quat_multiply(base[3:], tools[:, 3:])], axis=1)
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
@@ -216,7 +212,7 @@ def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[
     x = float(arm.base[0])
     away = replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))
     free = CollisionWorld(replace(robot, arms={s: arm if s == side else away for s in SIDES})).with_objects(margin=0.0)
-    found = [row for row in _home_candidates(chain, x, q, _in_world(tools, arm.base)) if free.free(side, chain.home)(row)]
+    found = [row for row in _home_candidates(chain, x, q, compose(arm.base, tools)) if free.free(side, chain.home)(row)]
     return sorted(found, key=lambda row: -float(limit_margin(chain, row)))
 
 

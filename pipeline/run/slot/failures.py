@@ -53,11 +53,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
     rollout = Rollout(scene, motion, meeting, replay.Replay(log, failure.steps), failure.steps)
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
     why = FailureInfo(
-        attempt=failed.number,
-        stage=failure.stage,
-        reason=failure.reason,
-        detail=failure.detail,
-        conditions=failure.conditions,
+        attempt=failed.number, stage=failure.stage, reason=failure.reason, detail=failure.detail, conditions=failure.conditions
     )
     flagged = replace(episode, meta=episode.meta.model_copy(update={"failure": why}))
     return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)

@@ -46,14 +46,6 @@ class DrawJob:
     code: str
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """The ledger entry of what was drawn, for the driver to write, or in one line why nothing was."""
-
-    record: SlotRecord | None
-    problem: str = ""
-
-
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
     """The slot of the `source` that a slot of `recipe` is drawn from, and whether its stored look is the wanted one.
 
@@ -80,10 +72,11 @@ def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRe
     return same or out.intact(slot, record)
 
 
-def draw_slot(job: DrawJob) -> Drawn:
+def draw_slot(job: DrawJob) -> SlotRecord | str:
     """Draw one slot and write its episode; a slot that was given up in the source is given up here, too.
 
-    A source that cannot be drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
+    Returns the ledger entry of what was drawn, for the driver to write, or in one line why nothing was: a source that cannot be
+    drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
     driver's, OSError if the disk refuses.
     """
     if job.code != code_version():
@@ -96,11 +89,11 @@ def draw_slot(job: DrawJob) -> Drawn:
         try:
             sha, known = _draw(source, out, job, record, keys, phases)
         except DominoError as error:
-            return Drawn(None, str(error))
+            return str(error)
     # failed attempts stay with the dataset that made them
     attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
     drawn = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known)
-    return Drawn(send_slot(out, job.slot, drawn))
+    return send_slot(out, job.slot, drawn)
 
 
 def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> tuple[str, FileFacts]:

@@ -1,13 +1,16 @@
-"""Which attempt at a slot runs: a note in a file of its own, which outlives the process that wrote it."""
+"""What a worker's machine must have, and which attempt at a slot runs: a note in a file of its own, which outlives its process."""
 
 import os
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.recipe.model import Slot
 from pipeline.data.store.mirror import delete_uploaded, mirror_of, upload
+from pipeline.run.identity.slot_keys import code_version
+from pipeline.world.vulkan import ensure_renderer
 
 RENEWAL = -1
 """Stands for the number of an attempt where a stored episode's images or sentences are made again."""
@@ -76,3 +79,22 @@ def _path(dataset: Dataset, slot: Slot) -> Path:
 
 def _folder(dataset: Dataset) -> Path:
     return dataset.ledger.root / "running"
+
+
+@dataclass(frozen=True)
+class NodeCheck:
+    """A check of the machine that a worker is on: whether it reaches the dataset at `root`, and runs the code version `code`."""
+
+    root: str
+    code: str
+
+    def __call__(self) -> dict[str, str]:
+        """What decides how images look and must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        manifest = Dataset(Path(self.root)).manifest
+        mirror = mirror_of(manifest)
+        # asked of the store and not fetched: a mirror without a manifest is known for a worker's (run/slot/running.py)
+        if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
+            raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
+        if code_version() != self.code:
+            raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
+        return {"renderer": ensure_renderer()}

@@ -20,7 +20,6 @@ from pipeline.data.setup import camera_name
 from pipeline.run.identity.slot_keys import redrawn_keys
 from pipeline.run.slot.make import stored_images
 from pipeline.run.slot.redraw import cached_parts
-from pipeline.run.verify import robot
 from pipeline.run.verify.arrays import check_arrays, check_images
 from pipeline.run.verify.physics import CHECKS, Physics
 from pipeline.run.verify.tally import FAULTS, Finding, count_checks, line, named, observe
@@ -107,7 +106,7 @@ def _judge_file(file: EpisodeFile, recipe: Recipe, slot: Slot, record: SlotRecor
         findings.append(Finding("readable", line(error, file.path)))
     else:
         findings.append(Finding("readable"))
-        checks += [(kind, partial(check, physics)) for kind, check in (CHECKS | robot.CHECKS).items()]
+        checks += [(kind, partial(check, physics)) for kind, check in CHECKS.items()]
     for kind, check in checks:
         try:
             findings += check()
