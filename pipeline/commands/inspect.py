@@ -10,11 +10,8 @@ from pipeline.commands.common import AsJson, Executor, Root, Workers, pool_of, p
 from pipeline.data.dataset import Dataset
 from pipeline.run.engine.pool import Pool
 
-FEW = 50
-"""Slots that are judged sooner than workers are started."""
-
-MOST_FRAMES = 100_000
-"""More than any episode has."""
+FEW = 50  # slots that are judged sooner than workers are started
+MOST_FRAMES = 100_000  # more than any episode has
 
 
 def status(dataset: Root, as_json: AsJson = False) -> None:

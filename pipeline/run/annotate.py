@@ -21,9 +21,7 @@ from pipeline.run.engine.dispatch import run
 from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.engine.ray_session import session
 
-LEASE = 8
-"""Most episodes handed to a worker at once: enough for its prefetch thread to run ahead."""
-
+LEASE = 8  # most episodes handed to a worker at once: enough for its prefetch thread to run ahead
 EPISODE_SECONDS = 1200.0
 """What a worker may take until the next annotation is written, loading its models included, before it counts as hung."""
 

@@ -22,12 +22,8 @@ from pipeline.run.identity import sources
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.robots import get_embodiment
 
-EPISODE_SECONDS = 1800.0
-"""What one episode, or one seed of the expert, may take before its worker counts as hung."""
-
-LONGEST_NAME = 200
-"""Characters of what a job is called in an error."""
-
+EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
+LONGEST_NAME = 200  # characters of what a job is called in an error
 EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.protocol")
 """The modules that, with what they import, decide the numbers of an episode."""
 

@@ -28,8 +28,7 @@ from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
-LAYOUTS = 8
-"""Layouts of a task that are drawn to learn the names of its bodies."""
+LAYOUTS = 8  # layouts of a task that are drawn to learn the names of its bodies
 
 
 def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
@@ -217,12 +216,8 @@ def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mappin
 
 
 CATEGORIES = get_args(Category.__value__)
-MOST_STEPS = 10_000
-"""Control periods of an episode that a task may ask for."""
-
-ALL = "all"
-"""The word that `tasks:` reads as the suite `domino`, which holds no task of anybody else."""
-
+MOST_STEPS = 10_000  # control periods of an episode that a task may ask for
+ALL = "all"  # the word that `tasks:` reads as the suite `domino`, which holds no task of anybody else
 PACKAGE = Path(__file__).parents[1]
 
 

@@ -65,15 +65,9 @@ def format_size(size: float) -> str:
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
 
 
-MEASURED = 3
-"""Slots that a measurement makes, besides the first, which pays for what is loaded once."""
-
-
-JUDGED_BY = 2000
-"""Finished episodes of a dataset whose times and sizes stand for all."""
-
-LOOKED_AT = 20
-"""Episode files of a dataset that are opened at most to see what their bytes are."""
+MEASURED = 3  # slots that a measurement makes, besides the first, which pays for what is loaded once
+JUDGED_BY = 2000  # finished episodes of a dataset whose times and sizes stand for all
+LOOKED_AT = 20  # episode files of a dataset that are opened at most to see what their bytes are
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,8 @@ from pipeline.data.store.user_cache import user_cache
 ENV = "DOMINO_PLUGINS"
 GROUPS = tuple(f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters"))
 
-VERBS = "domino_data.commands"
-"""Entry points that name functions, each a command of its own."""
-
-_LARGEST = 16 * 2**20
-"""Bytes of a directory of plugins that is sent to other machines."""
+VERBS = "domino_data.commands"  # entry points that name functions, each a command of its own
+_LARGEST = 16 * 2**20  # bytes of a directory of plugins that is sent to other machines
 
 
 class PluginError(DominoError):

@@ -15,9 +15,7 @@ from pipeline.stages.hints import hint_of, refusals
 if TYPE_CHECKING:  # it imports the simulator
     from pipeline.stages.failure import Failure
 
-EXAMPLES = 6
-"""Conditions named at most."""
-
+EXAMPLES = 6  # conditions named at most
 _READ = pa.struct([ATTEMPTS.field(name) for name in ("stage", "reason", "detail", "conditions")])
 
 

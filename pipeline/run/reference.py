@@ -22,14 +22,6 @@ from pipeline.tasks.contract import Draw, Placement, Region, Task
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
 
-TABLES: dict[str, Callable[[], str]] = {}
-
-
-def table[F: Callable[[], str]](make: F) -> F:
-    """Enter a table under the name of its function."""
-    TABLES[make.__name__] = make
-    return make
-
 
 def with_tables(page: str) -> str:
     """The text of a page with every table as it follows from the code now. Raises KeyError for a table that does not exist."""
@@ -81,7 +73,6 @@ def plain(value: object) -> str:
     return repr(value)
 
 
-@table
 def skill_functions() -> str:
     """Skills and what they do."""
     every = {name: getattr(skills, name) for name in skills.__all__ if callable(getattr(skills, name))}
@@ -91,14 +82,12 @@ def skill_functions() -> str:
     return rows(("skill", "what it does"), lines)
 
 
-@table
 def outcome_questions() -> str:
     """Questions that success conditions ask."""
     methods = [(n, m) for n, m in vars(Outcome).items() if inspect.isfunction(m) and not n.startswith("_")]
     return rows(("question", "answer"), [(signature(f"o.{n}", m), first_paragraph(m)) for n, m in methods])
 
 
-@table
 def placements() -> str:
     """A placement, its region, and the random choices."""
     lines = [(signature(cls.__name__, cls), whole(cls)) for cls in (Placement, Region)]
@@ -108,7 +97,6 @@ def placements() -> str:
     return rows(("call", "meaning"), lines)
 
 
-@table
 def task_attributes() -> str:
     """Class attributes of a task with their defaults."""
     hints = {name: hint for name, hint in inspect.get_annotations(Task).items() if name != "name"}
@@ -117,7 +105,6 @@ def task_attributes() -> str:
     return rows(("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()])
 
 
-@table
 def reasons() -> str:
     """Reasons of failure and what to change."""
     lines = [(f"`{reason}`", hint) for reason, hint in HINTS.items()]
@@ -125,7 +112,6 @@ def reasons() -> str:
     return rows(("reason", "what to change first"), lines)
 
 
-@table
 def families() -> str:
     """Object families with their frames and grasps, of the instance of seed 0."""
     described = listing(sorted(FAMILIES))
@@ -136,7 +122,6 @@ def families() -> str:
     return rows(("family", "size of seed 0 (cm)", "frames", "kinds of grasps"), lines)
 
 
-@table
 def recipe_keys() -> str:
     """Keys of a recipe with their defaults and meaning."""
     return rows(("key", "default", "meaning"), [_recipe_key(name) for name in KEYS])
@@ -169,6 +154,10 @@ def _describe_values(schema: Mapping[str, Any]) -> str:
     if not bounds:
         return ""
     return f" From {bounds[0]:,} to {bounds[1]:,}." if len(bounds) == 2 else f" {bounds[0]:,} or more."
+
+
+MAKERS = (skill_functions, outcome_questions, placements, task_attributes, reasons, families, recipe_keys)
+TABLES: dict[str, Callable[[], str]] = {make.__name__: make for make in MAKERS}
 
 
 def main(paths: Sequence[str]) -> None:

@@ -21,15 +21,9 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import RecipeKeys
 
-REDO = "episode missing or damaged"
-"""Why a slot is made again whose keys match."""
-
-FOUND = "episode found damaged by verify"
-"""The same of a slot whose episode `verify` has judged."""
-
-GONE = "failed attempt missing"
-"""The same of a slot whose failed attempts are kept."""
-
+REDO = "episode missing or damaged"  # why a slot is made again whose keys match
+FOUND = "episode found damaged by verify"  # the same of a slot whose episode `verify` has judged
+GONE = "failed attempt missing"  # the same of a slot whose failed attempts are kept
 DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "sentences"
 
 

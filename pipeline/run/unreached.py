@@ -19,19 +19,13 @@ from pipeline.stages.render import appearance_of, render
 from pipeline.stages.scene import Scene
 from pipeline.world.cameras import wanted_cameras
 
-JUDGED = 12
-"""Wanted poses, evenly spread over all, around which a reachable one is looked for."""
-
+JUDGED = 12  # wanted poses, evenly spread over all, around which a reachable one is looked for
 DISTANCES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
 """Metres from a wanted pose that are tried, nearest first."""
 
 SIZE = (640, 480)
-AXIS = 0.07
-"""Length (m) of the axes that are drawn at a pose."""
-
-BEHIND = 0.05
-"""Points (m) nearer to the camera than this are not drawn."""
-
+AXIS = 0.07  # length (m) of the axes that are drawn at a pose
+BEHIND = 0.05  # points (m) nearer to the camera than this are not drawn
 WANTED, NEAREST = (230, 30, 30), (20, 200, 60)
 AXES = ((255, 60, 60), (60, 220, 60), (70, 120, 255))
 

@@ -25,9 +25,7 @@ Part = tuple[Mesh, Material]
 ON_TABLE = pose((0, 0, TABLE_TOP))
 AXES = ((0.9, 0.1, 0.1), (0.1, 0.75, 0.1), (0.15, 0.3, 1.0))
 JAWS = (0.1, 0.9, 0.9)
-MARKED = 5
-"""Grasps of an instance that are drawn at most."""
-
+MARKED = 5  # grasps of an instance that are drawn at most
 FIELD_OF_VIEW = 30.0  # degrees, vertical
 
 

@@ -17,25 +17,13 @@ from pipeline.world.objects.words import SEEN, UNSEEN
 from pipeline.world.scene_building import add_body, add_table
 from pipeline.world.shapes import Collider, Shape
 
-INSTANCES, BUILT = 20, 5
-"""Instances drawn, and how many of them are built and put on a table."""
-
+INSTANCES, BUILT = 20, 5  # instances drawn, and how many of them are built and put on a table
 TRIANGLES = 800
-FIT = 0.009
-"""m that the drawn shape and the collision pieces may differ by along each axis."""
-
-WIDEST = 0.075
-"""m between the fingers: what every robot's jaws can open to."""
-
-SLACK = 0.003
-"""m by which a grasp's `width` may miss the material."""
-
-AROUND, STEP = 0.01, 0.00025
-"""m beyond the pads that are looked at, and how finely."""
-
-AHEAD = (0.0, 0.004, 0.008, 0.012)
-"""m in front of the tcp, inside the pads, where a grasp may meet material."""
-
+FIT = 0.009  # m that the drawn shape and the collision pieces may differ by along each axis
+WIDEST = 0.075  # m between the fingers: what every robot's jaws can open to
+SLACK = 0.003  # m by which a grasp's `width` may miss the material
+AROUND, STEP = 0.01, 0.00025  # m beyond the pads that are looked at, and how finely
+AHEAD = (0.0, 0.004, 0.008, 0.012)  # m in front of the tcp, inside the pads, where a grasp may meet material
 ROOM, SHALLOW, OFF = 0.015, 0.3, 0.002
 """m before a frame that make a hollow of a family, the share of it that an object has at least, and m between tested points."""
 

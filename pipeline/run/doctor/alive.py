@@ -34,8 +34,7 @@ print(json.dumps({"answer": answer, "seconds": seconds}))
 """
 
 SOFTWARE = ("llvmpipe", "swiftshader")
-PATIENCE = 150
-"""Seconds; the first frame on a CPU takes about three, Ray about four."""
+PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
 
 
 def attempt(code: str, command: Sequence[str] = (sys.executable, "-c")) -> dict[str, Any] | str:

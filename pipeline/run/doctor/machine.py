@@ -24,11 +24,8 @@ class Result:
 PYTHON = (3, 12)
 GB = 1e9
 LEAST_DISK, ENOUGH_DISK = 1 * GB, 10 * GB
-WORKER_BYTES = 0.6 * GB
-"""Resident memory of one worker (docs/cluster.md)."""
-
-STORE_BYTES = 0.1 * GB
-"""Shared memory of Ray's object store, rounded up."""
+WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
+STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
 
 
 def check_python(version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()) -> Result:

@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import IO, Any, Literal
 
@@ -17,7 +17,7 @@ from pipeline.run.engine.pool import Pool
 
 Kind = Literal["bar", "json", "none"]
 
-_PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
+_PLACE = PLACE[:6]
 
 
 @dataclass
@@ -34,14 +34,11 @@ class Tally:
     stopped: int = 0
     workers_lost: int = 0
 
-    def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
+    def add(self, attempts: Sequence[Mapping[str, Any]]) -> None:
         """Count a slot that is done, with these rows of attempts.parquet."""
-        accepted = False
-        for row in attempts:
-            self.attempts += 1
-            accepted |= row["outcome"] == "accepted"
-            if row["reason"]:
-                self.failures[row["reason"]] += 1
+        accepted = any(row["outcome"] == "accepted" for row in attempts)
+        self.attempts += len(attempts)
+        self.failures.update(row["reason"] for row in attempts if row["reason"])
         self.done += 1
         self.accepted += accepted
         self.given_up += not accepted
@@ -74,11 +71,10 @@ class Progress:
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
         """Show a change: `event` is slot or cell_stopped, with its `place`, or worker_lost."""
 
-    def add(self, attempts: Iterable[Mapping[str, Any]]) -> None:
+    def add(self, attempts: Sequence[Mapping[str, Any]]) -> None:
         """Count a slot that is done, with these rows of attempts.parquet."""
-        rows = list(attempts)
-        self._tally.add(rows)
-        self._show("slot", {key: rows[-1][key] for key in _PLACE if key in rows[-1]} if rows else {})
+        self._tally.add(attempts)
+        self._show("slot", {key: attempts[-1][key] for key in _PLACE if key in attempts[-1]} if attempts else {})
 
     def count_stopped(self, cell: str, slots: int, because: str) -> None:
         """Count a stopped cell: this number of its slots is not tried."""

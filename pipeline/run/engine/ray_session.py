@@ -158,15 +158,11 @@ def _replace(owner: object, name: str, value: object) -> Iterator[None]:
 
 
 _ANSWER_SECONDS = 10.0
-_JOIN_SECONDS = 45.0
-"""For a process that imports Ray and asks the cluster, on a machine with much to do."""
-
+_JOIN_SECONDS = 45.0  # for a process that imports Ray and asks the cluster, on a machine with much to do
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
 """How a client of HTTP/2, which gRPC and so Ray speaks, begins: the fixed text and a frame of no settings (RFC 9113, 3.4)."""
 
-_SETTINGS = 4
-"""The kind of frame that a server of HTTP/2 begins with."""
-
+_SETTINGS = 4  # the kind of frame that a server of HTTP/2 begins with
 _ASK = "import sys; from ray._raylet import GcsClient; GcsClient(address=sys.argv[1]).internal_kv_get(b'session_name', b'session')"
 
 

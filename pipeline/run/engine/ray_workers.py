@@ -24,8 +24,7 @@ from pipeline.run.plugins import Snapshot
 
 _START_SECONDS = 300.0
 """What a new worker may take before it can be given a job: a place on the cluster, a process, imports."""
-_STARTS = 3
-"""Workers in a row that may fail to start, while none is at work, before the run is given up."""
+_STARTS = 3  # workers in a row that may fail to start, while none is at work, before the run is given up
 _POLL_SECONDS = 0.5
 _GONE_SECONDS = 10.0
 _PR_SET_PDEATHSIG = 1

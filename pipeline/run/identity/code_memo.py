@@ -24,15 +24,9 @@ from pipeline.run.identity import sources
 
 _PACKAGE = Path(__file__).parents[2]
 
-KEPT = 4
-"""Versions of the code whose answers are kept."""
-
-_FILES = "pipeline.world.objects.from_files"
-"""The module of objects from files, which are outside of the package."""
-
-_NO_ANSWER = (OSError, ValueError, TypeError, LookupError, RecursionError)
-"""What reading a file raises that is no answer."""
-
+KEPT = 4  # versions of the code whose answers are kept
+_FILES = "pipeline.world.objects.from_files"  # the module of objects from files, which are outside of the package
+_NO_ANSWER = (OSError, ValueError, TypeError, LookupError, RecursionError)  # what reading a file raises that is no answer
 _REGISTRIES = (
     *(("pipeline.tasks.contract", "TASKS"), ("pipeline.world.objects.contract", "FAMILIES")),
     ("pipeline.motion.models", "MODELS"),

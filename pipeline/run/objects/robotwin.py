@@ -26,9 +26,7 @@ from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases, add_directory
 from pipeline.world.shapes import Collider
 
-VERSION = 1
-"""Raise it when the same files give other objects: those in the user's cache are made again then."""
-
+VERSION = 1  # raise it when the same files give other objects: those in the user's cache are made again then
 MASS = 0.1  # kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
 
 ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)

@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial import KDTree
 from trimesh.resolvers import FilePathResolver
 from trimesh.visual import TextureVisuals
 
@@ -220,18 +221,12 @@ def _carry_over(part: Part, corners: NDArray[np.float64]) -> NDArray[np.float64]
     over its plane, so that no triangle reaches over a seam of the texture."""
     old = part.points[part.faces]
     a, edges = old[:, 0], old[:, 1:] - old[:, :1]
-    nearest = _nearest(old.mean(1), corners.mean(1))
+    nearest = np.asarray(KDTree(old.mean(1)).query(corners.mean(1))[1])
     basis, origin, uv = edges[nearest], a[nearest], part.uv[part.faces][nearest]  # pyright: ignore[reportOptionalSubscript]
     gram = np.einsum("nij,nkj->nik", basis, basis) + 1e-18 * np.eye(2)
     right = np.einsum("nij,ncj->nci", basis, corners - origin[:, None])
     weights = np.clip(np.linalg.solve(gram[:, None], right[..., None])[..., 0], -3, 4)
     return uv[:, :1] + np.einsum("nci,nij->ncj", weights, uv[:, 1:] - uv[:, :1])
-
-
-def _nearest(known: NDArray[np.float64], asked: NDArray[np.float64]) -> NDArray[np.int64]:
-    from scipy.spatial import KDTree
-
-    return np.asarray(KDTree(known).query(asked)[1])
 
 
 def welded(parts: list[Part]) -> trimesh.Trimesh:

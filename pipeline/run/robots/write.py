@@ -50,7 +50,6 @@ def write_robot(draft: Draft, directory: Path) -> None:
 def toml_of(draft: Draft) -> str:
     """The text of `robot.toml`."""
     arm, grip = draft.arm, draft.arm.gripper
-    position, approach, opening = draft.tcp
     lines = [
         f'licence = "{_plain(draft.licence)}"',
         f'source = "{_plain(draft.source)}"',
@@ -61,20 +60,13 @@ def toml_of(draft: Draft) -> str:
         "]",
         "",
         "[tcp]",
-        f"position = {_row(position)}",
-        f"approach = {_row(approach)}",
-        f"opening = {_row(opening)}",
+        *(f"{name} = {_row(values)}" for name, values in zip(("position", "approach", "opening"), draft.tcp, strict=True)),
         "",
         "[gripper]",
-        f"joints = {json.dumps(list(grip.joints))}",
-        f"fingers = {json.dumps(list(grip.fingers))}",
-        f"closed = {_row(grip.closed)}",
-        f"opened = {_row(grip.opened)}",
+        *(f"{name} = {json.dumps(list(getattr(grip, name)))}" for name in ("joints", "fingers")),
+        *(f"{name} = {_row(getattr(grip, name))}" for name in ("closed", "opened")),
         f"opening = {grip.max_opening:.4f}",
-        f"force = {grip.force:g}",
-        f"speed = {grip.speed:g}",
-        f"stiffness = {grip.stiffness:g}",
-        f"damping = {grip.damping:g}",
+        *(f"{name} = {getattr(grip, name):g}" for name in ("force", "speed", "stiffness", "damping")),
         "",
         "[home]",
         *(f"{side} = {_row(draft.site.arms[side].home)}" for side in SIDES),

@@ -68,11 +68,8 @@ def remove_failures(dataset: Dataset, slot: Slot) -> None:
     delete_uploaded(*found)
 
 
-FRAMES, APART = 3, 0.5
-"""Frames of a picture, and seconds between them."""
-
-WIDTH = 256
-"""Pixels of a frame."""
+FRAMES, APART = 3, 0.5  # frames of a picture, and seconds between them
+WIDTH = 256  # pixels of a frame
 
 
 def keep_last_frames(dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure) -> None:

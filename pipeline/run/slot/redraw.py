@@ -24,8 +24,7 @@ from pipeline.stages.sensing import sensing_of
 from pipeline.world.appearance import load_parts
 from pipeline.world.shapes import Parts
 
-KEPT_PARTS = 256
-"""Assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each."""
+KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from pipeline.data.recipe.model import Slot
 from pipeline.data.store.mirror import mirror_of
 from pipeline.report.summary import failed_folder
 
-SHOWN = 2
-"""Episodes of a cell that the report shows: they stay on this machine until it is written."""
+SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine until it is written
 
 
 def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:

@@ -111,8 +111,7 @@ def _contacts(file: EpisodeFile) -> Iterator[Finding]:
     yield observe("contacts", (inside & finite).all(), "state/contacts names a frame or a body that there is not")
 
 
-FLAT = 1.0
-"""Standard deviation (0-255) below which an image is one flat color."""
+FLAT = 1.0  # standard deviation (0-255) below which an image is one flat color
 
 
 def check_images(file: EpisodeFile) -> Iterator[Finding]:

@@ -32,11 +32,8 @@ from pipeline.run.verify.tally import Finding, Tally
 from pipeline.world.vulkan import ensure_renderer
 
 CONTACT_SECONDS, CONTACT_METRES = 0.1, 0.01
-EPISODE_SECONDS = 600.0
-"""What judging one episode may take before its worker counts as hung."""
-
-DIRECTORY_SECONDS = 24 * 3600.0
-"""The same for an export or a stage of annotations, each one job."""
+EPISODE_SECONDS = 600.0  # what judging one episode may take before its worker counts as hung
+DIRECTORY_SECONDS = 24 * 3600.0  # the same for an export or a stage of annotations, each one job
 
 
 @dataclass(frozen=True)

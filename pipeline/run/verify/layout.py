@@ -23,8 +23,7 @@ from pipeline.data.sealed import is_unchanged
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 AGAIN = "run the build again"
-PASSING = (".tmp", ".running")
-"""Files that come and go while a build runs."""
+PASSING = (".tmp", ".running")  # files that come and go while a build runs
 
 
 def damaged_groups(dataset: Dataset, recipe: Recipe) -> dict[Group, str]:

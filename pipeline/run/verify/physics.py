@@ -159,8 +159,7 @@ def check_interception(p: Physics) -> Iterator[Finding]:
     yield observe("interception", inside, "its runs of skills are missing or not within the episode")
 
 
-CLOSE = 1e-3
-"""Metres, and parts of a rotation, by which the poses of the simulator may differ from those computed."""
+CLOSE = 1e-3  # metres, and parts of a rotation, by which the poses of the simulator may differ from those computed
 
 
 def check_robot(p: Physics) -> Iterator[Finding]:
