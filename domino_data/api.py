@@ -56,7 +56,7 @@ def verify(dataset: Place, *, workers: int = 1) -> dict[str, Any]:
 
     Raises DatasetError if there is no dataset.
     """
-    from pipeline.run.verify import verify as run_verify
+    from pipeline.run.verify.dataset import verify as run_verify
 
     return run_verify(open_dataset(dataset), _pool(workers))
 

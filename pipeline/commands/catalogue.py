@@ -9,7 +9,7 @@ import typer
 
 from pipeline.commands import complete
 from pipeline.commands.bounded import BoundedCommand
-from pipeline.commands.common import AsJson, UsageError, check_page, numbers, print_findings, print_result, split_list, table
+from pipeline.commands.common import AsJson, UsageError, check_file, numbers, print_findings, print_result, split_list, table
 from pipeline.commands.options import Given, recipe_options
 from pipeline.data.parsing import whole
 
@@ -47,9 +47,8 @@ def motions(
     """List the models of motions."""
     from pipeline.run.catalogue.motions import listing, write_paths
 
+    check_file(paths, "--paths", "an image", ".png")
     if paths is not None:
-        if paths.suffix != ".png":
-            raise UsageError(f"--paths {paths}: is not the name of an image: let it end in .png")
         write_paths(paths)
     values = listing()
     rows = [
@@ -127,7 +126,7 @@ def objects(
     from pipeline.run.catalogue.objects import listing
     from pipeline.world.objects import FAMILIES
 
-    check_page(gallery, "--gallery")
+    check_file(gallery, "--gallery", "a page", ".html")
     names = sorted(FAMILIES) if families is None else split_list(families) or []
     if not names:
         raise UsageError(f"--families {families!r} names nothing: families are {', '.join(sorted(FAMILIES))}")

@@ -122,10 +122,10 @@ RuntimeEnv = Annotated[
 ]
 
 
-def check_page(path: Path | None, option: str) -> None:
-    """Raise UsageError for a place of a page that names no page: no other file is written over."""
-    if path is not None and path.suffix != ".html":
-        raise UsageError(f"{option} {path}: is not the name of a page: let it end in .html")
+def check_file(path: Path | None, option: str, kind: str, suffix: str) -> None:
+    """Raise UsageError for a place of a page, an image or a film that names none: no other file is written over."""
+    if path is not None and path.suffix != suffix:
+        raise UsageError(f"{option} {path}: is not the name of {kind}: let it end in {suffix}")
 
 
 def executor_of(name: str, workers: int | None) -> tuple[str, int]:

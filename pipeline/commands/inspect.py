@@ -53,8 +53,8 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check everything that a dataset promises; exit code 1 if something does not hold or cannot be compared."""
-    from pipeline.run.verify import closing
-    from pipeline.run.verify import verify as run_verify
+    from pipeline.run.verify.dataset import verify as run_verify
+    from pipeline.run.verify.tally import closing
 
     source = Dataset(dataset)
     pool = pool_of(executor, workers, None)

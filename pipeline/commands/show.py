@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import AsJson, Quiet, Root, UsageError, check_page, print_result
+from pipeline.commands.common import AsJson, Quiet, Root, UsageError, check_file, print_result
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 
@@ -22,7 +22,7 @@ def show(
     """Write a page with the film of an episode, its frames, events and sentences, and print its path."""
     from pipeline.report.show import show as write
 
-    check_page(out, "--out")
+    check_file(out, "--out", "a page", ".html")
     if episode.is_dir():
         raise UsageError(f"{episode} is a directory: name one of the .hdf5 files below DATASET/episodes")
     if film is not None and out is not None:
@@ -41,8 +41,7 @@ def write_film(episode: Path, film: Path) -> Path:
     from pipeline.stages.redraw import redraw_smooth
 
     root = dataset_of(episode)
-    if film.suffix != ".mp4":
-        raise UsageError(f"--film {film}: is not the name of a film: let it end in .mp4")
+    check_file(film, "--film", "a film", ".mp4")
     if root is None:
         raise UsageError(f"{episode} is in no dataset, whose assets/ a film is drawn from: name a file below DATASET/episodes")
     write_atomic(film, observed(episode, partial(redraw_smooth, bodies=Dataset(root).bodies)))

@@ -25,8 +25,7 @@ LEASE = 8  # most episodes handed to a worker at once: enough for its prefetch t
 EPISODE_SECONDS = 1200.0
 """What a worker may take until the next annotation is written, loading its models included, before it counts as hung."""
 
-type Lease = tuple[str, ...]
-"""A job: episodes, relative to the dataset's."""
+type Lease = tuple[str, ...]  # a job: episodes, relative to the dataset's
 
 
 @dataclass(frozen=True)

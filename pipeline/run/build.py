@@ -77,8 +77,7 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
     Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, Busy if another command writes
-    the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep
-    dying.
+    the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)

@@ -15,8 +15,7 @@ from pipeline.data.recipe.model import Cell, Floor, Recipe, Slot
 if TYPE_CHECKING:  # it imports the simulator, and status needs none
     from pipeline.run.slot.fill import SlotJob
 
-type Rows = Sequence[Mapping[str, Any]]
-"""Rows of attempts.parquet."""
+type Rows = Sequence[Mapping[str, Any]]  # rows of attempts.parquet
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,7 @@ def from_source(dataset: Dataset, source: Dataset) -> Restore:
     return restore
 
 
-type Rows = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]
-"""Attempts by the columns that name their slot."""
+type Rows = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]  # attempts by the columns that name their slot
 
 
 def recover(dataset: Dataset, recipe: Recipe) -> int:

@@ -75,7 +75,9 @@ def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], o
     finally:
         ledger.close()
     for source in sources:
-        _link_tree(source.assets, out.assets)
+        for path in sorted(source.assets.rglob("*")):
+            if path.is_file() and not path.name.endswith(".tmp"):
+                _link(path, out.assets / path.relative_to(source.assets))
         _take_annotations(source, out)
     out.write_attempts(recipe)
     write_atomic(out.provenance, seal(_provenance(sources)))
@@ -167,12 +169,6 @@ def _take_annotations(source: Dataset, out: Dataset) -> None:
             episode = out.episodes / relative.with_suffix(".hdf5")
             if path.is_file() and (relative.name == "stage.json" or (path.suffix == ".h5" and episode.exists())):
                 _link(path, there / relative)
-
-
-def _link_tree(source: Path, out: Path) -> None:
-    for path in sorted(source.rglob("*")):
-        if path.is_file() and not path.name.endswith(".tmp"):
-            _link(path, out / path.relative_to(source))
 
 
 def _link(path: Path, to: Path) -> None:

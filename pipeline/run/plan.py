@@ -120,7 +120,7 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
     tried = single(table["attempts"])
     spent = np.bincount(parents(tried), numbers(tried.flatten().field("seconds")), len(table))
     phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
-    few = accepted.where(_spread(len(table), LOOKED_AT)).slots
+    parts = mean_parts(dataset.episode(slot) for slot in accepted.where(_spread(len(table), LOOKED_AT)).slots)
     known = [size for size in table["size"].to_pylist() if size]
     size = float(np.mean(known)) if known else typical(recipe).size
     return Cost(
@@ -128,14 +128,8 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
         size,
         "this dataset",
         _mean_core([core for _, core in phases]),
-        _shares(size, mean_parts(dataset.episode(slot) for slot in few)),
+        {name: size * part / sum(parts.values()) for name, part in parts.items()},  # of fewer files, so in their proportions
     )
-
-
-def _shares(size: float, parts: Mapping[str, float]) -> dict[str, float]:
-    """Bytes by part that add up to `size`, in the proportions of `parts`, which may be of fewer files."""
-    total = sum(parts.values())
-    return {name: size * part / total for name, part in parts.items()} if total else {}
 
 
 def _spread(count: int, most: int) -> NDArray[np.bool_]:

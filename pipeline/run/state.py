@@ -72,9 +72,7 @@ def _state(state: SlotState | None, there: bool) -> SlotState:
 
 
 def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
-    """Every entry's slot with its state against the keys it would have now, episodes unread.
-
-    `keys` and `stamp` must have been read.
+    """Every entry's slot with its state against the keys it would have now, episodes unread. Needs `keys` and `stamp`.
 
     What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
     only where the recipe keeps failed attempts.

@@ -2,10 +2,8 @@
 
     $XDG_CACHE_HOME/domino-data/code/<fingerprint of the code>/<hash of the question>.json
 
-Answers are functions of the code alone and stand below its fingerprint (run/identity/sources.py): after an edit, nothing is
-found there.
-Nothing depends on the cache. A file that is missing, damaged or unreadable, and a cache that cannot be written, only cost the time
-to find out again; it may be deleted at any time, and all but the versions of the code that were last new are.
+Answers are functions of the code alone, whose fingerprint (run/identity/sources.py) an edit changes. Nothing depends on the cache:
+a file that is missing or damaged only costs the time to find out again, and old versions of the code are deleted.
 """
 
 import json

@@ -66,11 +66,12 @@ def check_robot(name: str, tasks: Sequence[str], images: Path | None) -> Iterato
 
 
 def _limits(robot: Embodiment) -> Checked:
-    odd = []
-    for side, arm in robot.arms.items():
-        for joint in (j for j in arm.joints if j.kind != "fixed"):
-            if joint.velocity > FASTEST or joint.effort > STRONGEST:
-                odd.append(f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})")
+    odd = [
+        f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})"
+        for side, arm in robot.arms.items()
+        for joint in arm.joints
+        if joint.kind != "fixed" and (joint.velocity > FASTEST or joint.effort > STRONGEST)
+    ]
     wrong = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
     return Finding("limits", not odd, wrong if odd else "velocity and effort of every joint are plausible"), None
 

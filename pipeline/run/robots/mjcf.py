@@ -151,7 +151,7 @@ class _Tree:
 
     def _shape(self, geom: int, back: Pose) -> UrdfShape | None:
         """A geom as a mesh file in the link's frame; None for planes and height fields."""
-        model, size, mesh_id = self.model, self.model.geom_size[geom].tolist(), None
+        model, size, kind = self.model, self.model.geom_size[geom].tolist(), f"geom_{geom}"
         match int(model.geom_type[geom]):
             case 2:
                 mesh = trimesh.creation.icosphere(subdivisions=3, radius=size[0])
@@ -165,11 +165,9 @@ class _Tree:
                 mesh = trimesh.creation.box(2 * np.array(size))
             case 7:
                 mesh_id = int(model.geom_dataid[geom])
-                mesh = self._mesh(mesh_id)
+                mesh, kind = self._mesh(mesh_id), f"mesh_{mesh_id}"  # those that several geoms have are one file, which is cut once
             case _:
                 return None
-        # meshes that several geoms have are one file, which is cut once
-        kind = f"geom_{geom}" if mesh_id is None else f"mesh_{mesh_id}"
         file = self.scratch / f"{kind}.stl"
         mesh.export(file)
         r, g, b = np.clip(self._rgba(geom)[:3], 0, 1).tolist()

@@ -16,7 +16,7 @@ from pipeline.data.ledger.stamps import DAMAGED, file_stamp
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
-from pipeline.run.slot.sending import send_slot
+from pipeline.run.slot.running import send_slot
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
 from pipeline.stages.render import images_of as surfaces_of

@@ -1,14 +1,18 @@
-"""What a worker's machine must have, and which attempt at a slot runs: a note in a file of its own, which outlives its process."""
+"""What a worker and its driver share beside an episode: what its machine must have, a note on its attempt, files for a store."""
 
 import os
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.ledger.stamps import file_stamp
 from pipeline.data.recipe.model import Slot
 from pipeline.data.store.mirror import delete_uploaded, mirror_of, upload
+from pipeline.report.summary import failed_folder
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.vulkan import ensure_renderer
 
@@ -96,3 +100,31 @@ class NodeCheck:
         if code_version() != self.code:
             raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
         return {"renderer": ensure_renderer()}
+
+
+SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine until it is written
+
+
+def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
+    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn from, then these. The entry with
+    the stamps that they have from now on; as it is for a dataset in a directory. Raises StoreError.
+
+    The episode's bytes are not kept on this machine.
+    """
+    mirror = mirror_of(dataset.root)
+    if mirror is None:
+        return record
+    store, path = AssetStore(dataset.bodies), dataset.episode(slot)
+    kept = [dataset.failure(slot, row["attempt"]) for row in record.attempts if row.get("kept")]
+    named = {key: store.path(key) for key in record.file.assets}
+    mirror.push(store.root.glob("*/*.npz") if kept else named.values())
+    mirror.push([*kept, *failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg"), dataset.log(slot)])
+    if not record.accepted:
+        mirror.delete([path])
+        return record
+    mirror.push([path])
+    stamps = {key: file_stamp(asset) for key, asset in named.items()}
+    sent = replace(record, file=replace(record.file, stamp=file_stamp(path), assets=stamps))
+    if slot.index >= SHOWN:
+        mirror.drop(path)
+    return sent

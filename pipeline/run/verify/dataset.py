@@ -76,7 +76,8 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     files = Files(dataset.episodes)
     without = [slot for slot, _ in found if slot not in recorded and files.there(slot)]
     # where the ledger is damaged, it is to blame
-    tally.add(layout.unrecorded(dataset, slot) for slot in without if group_of(slot) not in damaged)
+    unknown = [dataset.episode(slot).relative_to(dataset.root) for slot in without if group_of(slot) not in damaged]
+    tally.add(Finding("files", f"{path}: has no ledger entry; {layout.AGAIN}") for path in unknown)
     stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
     with session(pool), tqdm(total=0, unit="job", disable=not progress, dynamic_ncols=True) as bar:
 

@@ -56,11 +56,6 @@ def check_ledger(dataset: Dataset, recipe: Recipe, damaged: Mapping[Group, str])
         yield Finding("ledger", f"ledger/{problem}; {AGAIN}")
 
 
-def unrecorded(dataset: Dataset, slot: Slot) -> Finding:
-    """An episode whose slot has no ledger entry."""
-    return Finding("files", f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}")
-
-
 def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot, ledger: Lookup) -> tuple[SlotRecord | None, list[Finding]]:
     """The ledger entry of a slot, where it can be read, and what is wrong with it."""
     file, episode = (p.relative_to(dataset.root) for p in (dataset.ledger.file(group_of(slot)), dataset.episode(slot)))
