@@ -80,9 +80,7 @@ def plan(
     as_json: common.AsJson = False,
 ) -> None:
     """Estimate what `build` would produce: episodes, hours and bytes. Writes no files."""
-    from pipeline.run.plan import format_size
-    from pipeline.run.plan import measure as run_measure
-    from pipeline.run.plan import plan as run_plan
+    from pipeline.run import plan as planning
     from pipeline.run.state import redo_lines
 
     recipe = given.recipe()
@@ -90,8 +88,8 @@ def plan(
     cost = None
     if measure:
         print("measuring: four episodes, up to a minute", file=sys.stderr)
-        cost = run_measure(recipe)
-    values = run_plan(recipe, Dataset(out) if out else None, count, cost, price)
+        cost = planning.measure(recipe)
+    values = planning.plan(recipe, Dataset(out) if out else None, count, cost, price)
     lines = []
     if cells:
         headers = ("task", "robot", "level", "alpha (m/s)", "domain", "episodes", "finished")
@@ -107,7 +105,7 @@ def plan(
     costs = f", {values['estimated_cost']:,.2f} at {price:g} a core-hour" if price is not None else ""
     lines.append(f"core-hours: {values['estimated_core_hours']:,.1f}{costs}")
     if left and (parts := values["estimated_bytes_by_part"]):
-        lines.append("bytes: " + ", ".join(f"{name} {format_size(size)}" for name, size in parts.items()))
+        lines.append("bytes: " + ", ".join(f"{name} {planning.format_size(size)}" for name, size in parts.items()))
     common.print_result(values, as_json, "\n".join(lines))
 
 

@@ -105,8 +105,6 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
 Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
 Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores")]
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
-
-
 Gpus = Annotated[
     float | None,
     typer.Option(

@@ -1,5 +1,7 @@
 """status, verify, doctor: what a dataset holds, whether it keeps its promises, and whether this machine can build."""
 
+import json
+import sys
 from itertools import islice
 from pathlib import Path
 from typing import Annotated
@@ -69,9 +71,6 @@ def verify(
 
 def doctor(out: Annotated[Path, typer.Option(help="Directory for datasets.")] = Path(), as_json: AsJson = False) -> None:
     """Check whether this machine can build; exit code 1 if it cannot."""
-    import json
-    import sys
-
     from pipeline.run.doctor import diagnose
 
     results = []

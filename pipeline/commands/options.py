@@ -43,10 +43,7 @@ Like = Annotated[
     ),
 ]
 FILES = {"manifest": Manifest, "like": Like}  # options beside the keys
-
-
 COMPLETIONS = {"tasks": complete.tasks, "embodiments": complete.robots}
-
 FLAGS = {key: option_of(key) for key in EVERY}
 
 

@@ -34,8 +34,7 @@ def check_task(
     images: Path | None = None,
     recipe: Recipe = DEFAULT,
 ) -> list[Finding]:
-    """Check one task on one robot, done as `recipe` wants it; images of poses that an arm does not reach go to the directory
-    `images`.
+    """Check one task on one robot, done as `recipe` wants it; images of poses that an arm does not reach go to `images`.
 
     An error of the task's own code is a finding. Raises UnknownName for an unknown task, UnknownEmbodiment for an unknown robot.
     """

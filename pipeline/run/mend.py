@@ -105,8 +105,7 @@ def recover(dataset: Dataset, recipe: Recipe) -> int:
     """Write an entry for every episode that is whole and has none: its file of the ledger was damaged or lost. Returns how many.
 
     An episode is whole where its datasets have the hashes that it holds, its spec is that of the accepted attempt in
-    attempts.parquet, and it says all parts of its keys. Any other one is made again. Seconds by phase are
-    lost. Raises OSError if the disk refuses.
+    attempts.parquet, and it has all parts of its keys. Any other one is made again. Raises OSError. Seconds by phase are lost.
     """
     _name_once(dataset, recipe)
     known, files = dataset.entries(recipe, ("stamp",)), Files(dataset.episodes)

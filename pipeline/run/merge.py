@@ -41,8 +41,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
     The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
     DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
-    and for an episode whose bytes differ from its ledger's; Busy if another command writes `out`; OSError if a file cannot be
-    written.
+    and for an episode whose bytes differ from its ledger's; Busy if another command writes `out`; OSError if the disk refuses.
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")

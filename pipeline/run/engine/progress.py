@@ -18,6 +18,7 @@ from pipeline.run.engine.pool import Pool
 Kind = Literal["bar", "json", "none"]
 
 _PLACE = PLACE[:6]
+CELL = PLACE[:5]
 
 
 @dataclass
@@ -149,8 +150,6 @@ class JsonLines(Progress):
 SHOWN: dict[Kind, Callable[[int, int], Progress]] = {"bar": Bar, "json": JsonLines, "none": Progress}
 """Makes the progress of a build (slots wanted, slots done before it) that is shown so."""
 
-
-CELL = PLACE[:5]
 
 COUNTERS = {
     "domino_slots": ("Slots that ended; outcome is accepted or given_up.", (*CELL, "outcome")),

@@ -21,7 +21,6 @@ from pipeline.data.store.user_cache import user_cache
 from pipeline.run.identity import sources
 
 _PACKAGE = Path(__file__).parents[2]
-
 KEPT = 4  # versions of the code whose answers are kept
 _FILES = "pipeline.world.objects.from_files"  # the module of objects from files, which are outside of the package
 _NO_ANSWER = (OSError, ValueError, TypeError, LookupError, RecursionError)  # what reading a file raises that is no answer

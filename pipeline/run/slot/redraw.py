@@ -31,8 +31,7 @@ KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots 
 class DrawJob:
     """One episode to draw: `slot` of the dataset `out` and its `recipe`, from the episode `origin` of the dataset `source`.
 
-    `record` is the ledger entry of the origin, `same_look` whether its stored look is the wanted one, `code` the driver's code
-    version.
+    `record` is the origin's ledger entry, `same_look` whether its stored look is the wanted one, `code` the driver's version.
     """
 
     source: str
