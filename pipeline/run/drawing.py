@@ -73,7 +73,7 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
                 case Done(_, str() as problem):
                     strikes.clear()
                     problems.append(problem)
-                case Done(job, record):
+                case Done(job, SlotRecord() as record):
                     strikes.clear()
                     unfinished.discard(job.slot)
                     ledger.add(job.slot, record)
