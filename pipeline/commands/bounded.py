@@ -56,8 +56,7 @@ def name_of(param: Any) -> str:
 
 
 def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.argv[1:]) -> None:
-    """Run an application on `words()` and exit: every expected error becomes one line on stderr that begins with `name`, and exit
-    code 2."""
+    """Run an application on `words()` and exit: an expected error becomes a line on stderr that begins with `name`, exit code 2."""
     try:
         code = app(words(), standalone_mode=False)
     except TyperException as error:

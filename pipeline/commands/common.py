@@ -115,8 +115,7 @@ Gpus = Annotated[
     ),
 ]
 RuntimeEnv = Annotated[
-    Path | None,
-    typer.Option(help="A YAML or JSON file with Ray's runtime_env for the processes on the nodes of --address."),
+    Path | None, typer.Option(help="A YAML or JSON file with Ray's runtime_env for the processes on the nodes of --address.")
 ]
 
 

@@ -70,8 +70,7 @@ def view(
     dataset: Root,
     out: Annotated[Path | None, typer.Option(help="Directory of the pages.", show_default="DATASET/report/view")] = None,
     episodes: Annotated[
-        int,
-        typer.Option(min=1, max=100_000, help="Episodes on the offline page, and as many failures; levels have equal shares."),
+        int, typer.Option(min=1, max=100_000, help="Episodes on the offline page, and as many failures; levels have equal shares.")
     ] = PAGES,
     serve: Annotated[bool, typer.Option("--serve", help="Show all episodes from a server on this machine instead.")] = False,
     rerun: Annotated[Path | None, typer.Option(help="Write recordings for rerun (.rrd) to this directory instead.")] = None,

@@ -58,8 +58,7 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
     """Do all of it under one progress bar and write the entries; what could not be drawn, one line each, sorted.
 
     A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
-    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers cannot be started
-    or do not last.
+    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers do not start or last.
     """
     problems, unfinished = list[str](), set(work.new)
     jobs, strikes = deque(work.jobs), Strikes(pool.workers)

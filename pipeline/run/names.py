@@ -1,28 +1,25 @@
-"""From the names in a recipe to tasks and robots that exist, and tasks from outside the package that declare what a build needs."""
+"""From the names in a recipe to tasks and robots that exist."""
 
 import re
 import sys
-import traceback
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.episode.meta import Category, NamedCamera
+from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.data.rules import Corrections
 from pipeline.motion.models import MODELS, levels_of
-from pipeline.motion.workspace import Workspace
+from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
-from pipeline.tasks import TASKS, Task
+from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw, expand_tasks, families_of
-from pipeline.tasks.limits import Limit
 from pipeline.tasks.needed_arms import can_do
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
@@ -213,58 +210,3 @@ def _bodies(task: str) -> set[str]:
 def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
     """A checked and resolved recipe from the keys of a file or of options (`flags`: option by key). Raises RecipeError."""
     return resolve(parse_recipe(values, source, flags), source, flags)
-
-
-CATEGORIES = get_args(Category.__value__)
-MOST_STEPS = 10_000  # control periods of an episode that a task may ask for
-ALL = "all"  # the word that `tasks:` reads as the suite `domino`, which holds no task of anybody else
-PACKAGE = Path(__file__).parents[1]
-
-
-def check_task(task: Task, source: str) -> None:
-    """Draw the trial layouts of a task, unless it ships with the package. Raises RecipeError, naming the task and what is wrong."""
-    if _ships(task):
-        return
-    where = f"{source}: task {task.name}:"
-    if fault := _fault(task):
-        raise RecipeError(f"{where} {fault}")
-    try:
-        families_of(task)
-    except Exception as error:  # a task is a user's code, which may raise anything
-        raise RecipeError(
-            f"{where} its layout raised {type(error).__name__}: {' '.join(str(error).split())}{_line_of(error)}"
-        ) from error
-
-
-def _fault(task: Task) -> str | None:
-    """What is wrong with the attributes of a task's class."""
-    taken = {ALL, *TASKS, *(each.suite for each in TASKS.values() if _ships(each))}
-    wanted: list[tuple[str, Callable[[Any], object], str]] = [
-        ("category", lambda value: value in CATEGORIES, f"one of {', '.join(CATEGORIES)}"),
-        ("target", lambda value: isinstance(value, str) and value, "the name of a body"),
-        ("step_limit", lambda value: type(value) is int and 1 <= value <= MOST_STEPS, f"a whole number from 1 to {MOST_STEPS}"),
-        ("motion", lambda value: isinstance(value, str) and value in MODELS, f"one of {', '.join(MODELS)}"),
-        ("suite", lambda value: isinstance(value, str) and value not in taken, "a name of its own"),
-        ("workspace", lambda value: isinstance(value, Workspace), "a Workspace"),
-        *((name, lambda value: not isinstance(value, str), "a tuple of sentences") for name in ("seen", "unseen")),
-        *((name, _is_by_name, f"{name} by name: write them with `by_name`") for name in ("limits", "sizes")),
-    ]
-    for name, fits, kind in wanted:
-        value = getattr(task, name, None)
-        if not fits(value):
-            return f"{name} is {show_value(value)}, which is not {kind}"
-    return None
-
-
-def _is_by_name(values: Any) -> bool:
-    return hasattr(values, "items") and all(isinstance(value, Limit) for value in values.values())
-
-
-def _ships(task: Task) -> bool:
-    return type(task).__module__.startswith("pipeline.")
-
-
-def _line_of(error: Exception) -> str:
-    """The first line outside the package that an error passed, as text."""
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not Path(frame.filename).is_relative_to(PACKAGE)]
-    return f" ({Path(frames[0].filename).name}, line {frames[0].lineno})" if frames else ""

@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -209,11 +209,7 @@ def plan(
         redo = redone(recipe, held, files.there_of(held, files.listed(held)))
         done = Counter(slot.cell for slot in held.slots)
     cost = cost or cost_of(dataset, recipe)
-    cells = [
-        {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}
-        | {"episodes": count * recipe.variants, "finished": done[c]}
-        for c, count in recipe.counts().items()
-    ]
+    cells = [asdict(c) | {"episodes": count * recipe.variants, "finished": done[c]} for c, count in recipe.counts().items()]
     slots = sum(c["episodes"] for c in cells)
     left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
     return {

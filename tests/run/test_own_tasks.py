@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from pipeline.data.recipe.model import RecipeError
-from pipeline.run.names import check_task
+from pipeline.run.own_tasks import check_task
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Task
 

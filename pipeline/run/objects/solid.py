@@ -15,7 +15,6 @@ from pipeline.world.objects.from_files import ObjectError, piece
 from pipeline.world.shapes import Collider
 
 CUT = Cut(threshold=0.06, pieces=14, resolution=500, iterations=20, hollow=1.15, tidy=True)
-STEP = 0.0005  # m between the points at which a line is tested
 
 type Floats = NDArray[np.float64]
 

@@ -140,8 +140,7 @@ def _check_image(data: bytes) -> None:
 
 
 def _check_gltf(document: Any, data: bytes) -> None:
-    """Raise ValueError for nodes in a circle, and for more triangles or pixels than are read. The reader asks for their memory
-    first."""
+    """Raise ValueError for nodes in a circle, and for more triangles or pixels than are read, before memory is taken for them."""
     for view in (document["bufferViews"][image["bufferView"]] for image in document.get("images", []) if "bufferView" in image):
         start = 28 + struct.unpack("<I", data[12:16])[0] + view.get("byteOffset", 0)
         _check_image(data[start : start + view["byteLength"]])

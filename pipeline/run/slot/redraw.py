@@ -58,8 +58,7 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
 
 
 def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRecord, keys: SlotKeys) -> bool:
-    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. Its file is read where it was written
-    since it was drawn."""
+    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. A file written since is read."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
     if not record.accepted or record.source != source.sha256:

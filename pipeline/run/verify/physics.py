@@ -62,7 +62,7 @@ class Physics:
 
     @cached_property
     def built(self) -> Scene | UnknownName:
-        """The scene of the spec by the rules that the header names, or what this version does not have of it, a task or a robot.
+        """The scene of the spec by the rules that the header names, or the error for a name that this version does not have.
 
         Raises ValueError for a header that names rules which do not exist.
         """
@@ -163,8 +163,7 @@ CLOSE = 1e-3  # metres, and parts of a rotation, by which the poses of the simul
 
 
 def check_robot(p: Physics) -> Iterator[Finding]:
-    """Joints place the links, the hands the end effectors, the measured vector is that of the joints, cameras are where they are
-    mounted."""
+    """Joints place the links, and hands the end effectors; the measured vector and the cameras follow from them."""
     log, meta = p.episode.log, p.episode.meta
     columns = {name: log.qpos[:, number] for number, name in enumerate(log.joints)}
     if p.scene is not None and p.now is not None and p.now.physics == p.keys.physics:
