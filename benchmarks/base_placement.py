@@ -10,12 +10,32 @@ head camera, `close` of those that bring a link within 12 cm of that camera.
 """
 
 import argparse
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
-from pipeline.run.robots.place import FULL, measure, moved
+from pipeline.poses import pose, quat_about, quat_multiply
+from pipeline.run.robots.place import Scan, lines, measure
 from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots.contract import Embodiment
+
+FULL = Scan(
+    (0.03, 0.15),
+    (30, 45, 60, 90),
+    (0, 25, -25, 50, -50, 75, -75),
+    lines(-0.4, 0.1, 0.05),
+    lines(-0.25, 0.25, 0.05),
+)
+
+
+def moved(embodiment: Embodiment, x: float, y: float, z: float, yaw: float) -> Embodiment:
+    """The robot with its bases at (-x, y, z) and (x, y, z), turned by `yaw` rad inwards, without its furniture."""
+    arms = {
+        side: replace(arm, base=pose((s * x, y, z), quat_multiply(quat_about((0, 0, 1), s * yaw), arm.base[3:])))
+        for (side, arm), s in zip(embodiment.arms.items(), (-1, 1), strict=True)
+    }
+    return replace(embodiment, arms=arms, furniture_collision=())
 
 
 def main() -> None:
@@ -31,7 +51,7 @@ def main() -> None:
     x, y, z = robot.arms["left"].base[:3] * (-1, 1, 1)
     rows = []
     for place in product(a.x or [x], a.y or [y], a.z or [z], a.yaw):
-        rows.append((place, measure(moved(robot, *place[:3], np.radians(place[3])))))
+        rows.append((place, measure(moved(robot, *place[:3], np.radians(place[3])), FULL)))
     rows.sort(key=lambda row: -row[1].score)
     heads = " ".join(f"{p:>11}" for p in FULL.pitches)
     print(f"{a.model}: own/mid share of cells by pitch (degrees), at {' and '.join(f'{100 * h:.0f} cm' for h in FULL.heights)}")

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
+from pipeline.commands.build import with_looks
 from pipeline.commands.options import parse_value
-from pipeline.commands.render import with_looks
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
@@ -48,8 +48,8 @@ def cost(job: DrawJob) -> Cost:
     began, worked = time.perf_counter(), time.process_time()
     drawn = draw_slot(job)
     whole, whole_cpu = time.perf_counter() - began, time.process_time() - worked
-    if drawn.record is None:
-        raise SystemExit(drawn.problem)
+    if isinstance(drawn, str):
+        raise SystemExit(drawn)
     out = Dataset(Path(job.out))
     with EpisodeFile(out.episode(job.slot)) as file:
         episode = file.read()
@@ -62,7 +62,7 @@ def cost(job: DrawJob) -> Cost:
         drawing.render(poses, depth=depth, segmentation=segmentation)
         floor, floor_cpu = time.perf_counter() - began, time.process_time() - worked
     frames = len(episode.log) * len(episode.meta.drawing.cameras)
-    return Cost(frames, drawn.record.phases, whole, whole_cpu, floor, floor_cpu)
+    return Cost(frames, drawn.phases, whole, whole_cpu, floor, floor_cpu)
 
 
 def measure(source: Dataset, recipe: Recipe, episodes: int, repeats: int) -> list[Cost]:

@@ -23,7 +23,7 @@ def plan(recipe: Wanted, dataset: Place | None = None, *, workers: int = 1, meas
     `dataset` is an existing one whose finished episodes are subtracted, and whose times and sizes are the estimate. With `measure`,
     four episodes are made in a temporary directory to estimate both. Raises RecipeError for a recipe that cannot be used.
     """
-    from pipeline.run.cost import measure as run_measure
+    from pipeline.run.plan import measure as run_measure
     from pipeline.run.plan import plan as run_plan
 
     wanted = _recipe(recipe)
@@ -56,7 +56,7 @@ def verify(dataset: Place, *, workers: int = 1) -> dict[str, Any]:
 
     Raises DatasetError if there is no dataset.
     """
-    from pipeline.run.verify import verify as run_verify
+    from pipeline.run.verify.dataset import verify as run_verify
 
     return run_verify(open_dataset(dataset), _pool(workers))
 

@@ -16,44 +16,19 @@ for _name, _value in SINGLE_THREAD.items():
 
 from pipeline.commands.annotate import annotate
 from pipeline.commands.bounded import BoundedCommand, run_app
-from pipeline.commands.build import build, plan
-from pipeline.commands.catalogue import check_object, check_task, embodiments, motions, tasks
-from pipeline.commands.compare import compare
-from pipeline.commands.doctor import doctor
-from pipeline.commands.evaluate import evaluate
-from pipeline.commands.export import ExportCommand, export
-from pipeline.commands.inspect import status, verify
+from pipeline.commands.build import build, plan, render
+from pipeline.commands.catalogue import check_object, check_robot, check_task, embodiments, motions, objects_app, robots_app, tasks
+from pipeline.commands.evaluate import compare, evaluate, paper_table, serve_policy
+from pipeline.commands.export import ExportCommand, export, publish
+from pipeline.commands.inspect import doctor, status, verify
 from pipeline.commands.manage import diff, gc, merge, regenerate
-from pipeline.commands.objects import objects_app
-from pipeline.commands.paper_table import paper_table
-from pipeline.commands.publish import publish
-from pipeline.commands.render import render
-from pipeline.commands.robots import check_robot, robots_app
-from pipeline.commands.serve_policy import serve_policy
-from pipeline.commands.show import show
+from pipeline.commands.show import show, view
 from pipeline.commands.stores import on_stores
-from pipeline.commands.view import view
 from pipeline.run.plugins import PluginError, announced_verbs, load_plugins, use_plugins
 
 VERBS = (
-    *(
-        build,
-        plan,
-        status,
-        show,
-        verify,
-        render,
-        view,
-        export,
-        publish,
-        annotate,
-        evaluate,
-        compare,
-        paper_table,
-        serve_policy,
-    ),
-    *(diff, regenerate, merge, gc),
-    *(tasks, motions, embodiments, check_task, check_object, check_robot, doctor),
+    *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, compare, paper_table, serve_policy),
+    *(diff, regenerate, merge, gc, tasks, motions, embodiments, check_task, check_object, check_robot, doctor),
     *announced_verbs(),
 )
 CLASSES: dict[Callable[..., None], type[BoundedCommand]] = {export: ExportCommand}

@@ -6,28 +6,13 @@ from typing import Annotated
 import typer
 
 from pipeline.annotate.stage_key import MOST_STRIDE
-from pipeline.commands.common import (
-    MOST_WORKERS,
-    Address,
-    AsJson,
-    Gpus,
-    Quiet,
-    Root,
-    RuntimeEnv,
-    UsageError,
-    pool_of,
-    print_result,
-    resumable,
-    split_list,
-    warn_of_missing,
-    warn_of_stale,
-)
+from pipeline.commands import common
 from pipeline.data.names import HEAD
 from pipeline.data.parsing import ParseError, pixels
 
 
 def annotate(
-    dataset: Root,
+    dataset: common.Root,
     stages: Annotated[str, typer.Option(help="flow, masks, features; comma separated.")] = "flow,masks,features",
     where: Annotated[str | None, typer.Option(help='Which episodes, e.g. "level=3 and task=click_bell".')] = None,
     cameras: Annotated[str, typer.Option(help="Cameras, comma separated.")] = HEAD,
@@ -43,13 +28,13 @@ def annotate(
     encoder: Annotated[str, typer.Option(help="DINOv2 or DINOv3: hub id, local directory or short name.")] = "dinov2-base",
     device: Annotated[str, typer.Option(help="cpu, cuda or auto.")] = "auto",
     executor: Annotated[str, typer.Option(help="inline, ray or auto.")] = "inline",
-    workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.")] = 1,
-    address: Address = None,
-    gpus_per_worker: Gpus = None,
-    runtime_env: RuntimeEnv = None,
+    workers: Annotated[int, typer.Option(min=1, max=common.MOST_WORKERS, help="Worker processes.")] = 1,
+    address: common.Address = None,
+    gpus_per_worker: common.Gpus = None,
+    runtime_env: common.RuntimeEnv = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Report what would run and why; write and download nothing.")] = False,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    quiet: common.Quiet = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Bring the annotations of a dataset up to date."""
     from functools import partial
@@ -67,25 +52,21 @@ def annotate(
     try:
         size = pixels(flow_size)
     except ParseError as error:
-        raise UsageError(f"--flow-size {flow_size!r} {error}") from error
+        raise common.UsageError(f"--flow-size {flow_size!r} {error}") from error
     if not re.fullmatch(r"auto|cpu|cuda(:[0-9]{1,3})?", device):
-        raise UsageError(f"--device {device!r} is unknown: choose cpu, cuda, cuda:NUMBER or auto")
-    seen = tuple(split_list(cameras) or ())
+        raise common.UsageError(f"--device {device!r} is unknown: choose cpu, cuda, cuda:NUMBER or auto")
+    seen = tuple(common.split_list(cameras) or ())
     if not seen or not all(map(is_name, seen)):
-        raise UsageError(f"--cameras {cameras!r} is no list of cameras: write head_camera,left_camera")
+        raise common.UsageError(f"--cameras {cameras!r} is no list of cameras: write head_camera,left_camera")
     flow = FlowOptions(flow_source, flow_stride, size, Farneback(winsize=winsize), Colour(normalisation=normalisation))
-    options = AnnotateOptions(
-        seen,
-        flow,
-        MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter),
-        FeatureOptions(encoder=encoder),
-    )
+    masks = MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter)
+    options = AnnotateOptions(seen, flow, masks, FeatureOptions(encoder=encoder))
     source = Dataset(dataset)
-    pool = pool_of(executor, workers, address, gpus_per_worker, runtime_env)
-    with resumable(dataset):
+    pool = common.pool_of(executor, workers, address, gpus_per_worker, runtime_env)
+    with common.resumable(dataset):
         values = run(
             dataset,
-            tuple(split_list(stages) or ()),
+            tuple(common.split_list(stages) or ()),
             options=options,
             where=where,
             render=partial(redraw, bodies=source.bodies),
@@ -93,8 +74,8 @@ def annotate(
         )
     if source.manifest.exists():
         recipe = source.recipe()
-        warn_of_missing(source, recipe)
-        warn_of_stale(source, recipe)
+        common.warn_of_missing(source, recipe)
+        common.warn_of_stale(source, recipe)
     if not dry_run:
         refresh(source, annotation_sheet)
     lines, made = [], "to compute" if dry_run else "computed"
@@ -105,6 +86,6 @@ def annotate(
         )
         lines += [f"  {p}" for p in s["problems"][:5]]
         lines += [f"  {p['episode']}: {p['reason']}" for p in s.get("plan", [])]
-    print_result(values, as_json, "\n".join(lines))
+    common.print_result(values, as_json, "\n".join(lines))
     if any(s["failed"] for s in values["stages"]):
         raise typer.Exit(1)

@@ -55,14 +55,8 @@ def name_of(param: Any) -> str:
     return max(param.opts, key=len) if isinstance(param, TyperOption) else param.metavar or param.name.upper()
 
 
-def own_words() -> list[str]:
-    """The words of this process's command line."""
-    return sys.argv[1:]
-
-
-def run_app(app: Typer, name: str, words: Callable[[], list[str]] = own_words) -> None:
-    """Run an application on `words()` and exit: every expected error becomes one line on stderr that begins with `name`, and exit
-    code 2."""
+def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.argv[1:]) -> None:
+    """Run an application on `words()` and exit: an expected error becomes a line on stderr that begins with `name`, exit code 2."""
     try:
         code = app(words(), standalone_mode=False)
     except TyperException as error:

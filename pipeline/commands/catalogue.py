@@ -1,15 +1,15 @@
-"""tasks, motions, embodiments, objects: what the factory can make, and whether it keeps its contracts."""
+"""tasks, motions, embodiments, objects, robots: what the factory can make, what is added, and whether it keeps its contracts."""
 
 import shutil
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from pipeline.commands import complete
-from pipeline.commands.common import AsJson, LevelList, UsageError, numbers, print_result, table
-from pipeline.commands.findings import print_findings
+from pipeline.commands.bounded import BoundedCommand
+from pipeline.commands.common import AsJson, UsageError, check_file, numbers, print_findings, print_result, split_list, table
 from pipeline.commands.options import Given, recipe_options
 from pipeline.data.parsing import whole
 
@@ -42,15 +42,13 @@ def embodiments(as_json: AsJson = False) -> None:
 
 
 def motions(
-    paths: Annotated[Path | None, typer.Option(help="Write a PNG with paths of every model here.")] = None,
-    as_json: AsJson = False,
+    paths: Annotated[Path | None, typer.Option(help="Write a PNG with paths of every model here.")] = None, as_json: AsJson = False
 ) -> None:
     """List the models of motions."""
     from pipeline.run.catalogue.motions import listing, write_paths
 
+    check_file(paths, "--paths", "an image", ".png")
     if paths is not None:
-        if paths.suffix != ".png":
-            raise UsageError(f"--paths {paths}: is not the name of an image: let it end in .png")
         write_paths(paths)
     values = listing()
     rows = [
@@ -67,7 +65,9 @@ def check_task(
     given: Given,
     name: Annotated[str, typer.Argument(help="The task, or `all`.", metavar="NAME", autocompletion=complete.task)],
     embodiment: Annotated[str, typer.Option(help="The robot.", autocompletion=complete.robot)] = "aloha",
-    levels: LevelList = "0,1,2,3",
+    levels: Annotated[
+        str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")
+    ] = "0,1,2,3",
     images: Annotated[Path, typer.Option(help="Directory for images of poses that an arm cannot reach, if any.")] = Path(
         "check-task"
     ),
@@ -108,3 +108,122 @@ def check_object(
         for each in names:
             write_portrait(each, images / f"{each}.png")
     print_findings({family: check(family) for family in names}, as_json)
+
+
+objects_app = typer.Typer(help="Object families, and objects from mesh files.")
+
+
+@objects_app.callback(invoke_without_command=True)
+def objects(
+    context: typer.Context,
+    gallery: Annotated[Path | None, typer.Option(help="Write a page with images of instances, frames and grasps here.")] = None,
+    families: Annotated[str | None, typer.Option(help="Families, comma separated; all by default.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the object families, or draw them."""
+    if context.invoked_subcommand is not None:
+        return
+    from pipeline.run.catalogue.objects import listing
+    from pipeline.world.objects import FAMILIES
+
+    check_file(gallery, "--gallery", "a page", ".html")
+    names = sorted(FAMILIES) if families is None else split_list(families) or []
+    if not names:
+        raise UsageError(f"--families {families!r} names nothing: families are {', '.join(sorted(FAMILIES))}")
+    unknown = [name for name in names if name not in FAMILIES]
+    if unknown:
+        raise UsageError(f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}")
+    if gallery is not None:
+        from pipeline.run.catalogue.gallery import write_gallery
+
+        write_gallery(gallery, names)
+    described = listing(names)
+    rows = [
+        (
+            name,
+            " x ".join(f"{100 * s:.1f}" for s in d["size"]),
+            ", ".join(d["frames"]),
+            ", ".join(sorted(d["grasps"])),
+            ", ".join(d["tasks"]),
+        )
+        for name, d in described.items()
+    ]
+    shown = (
+        table(("family", "size (cm)", "frames", "kinds of grasps", "tasks that draw it"), rows) if gallery is None else str(gallery)
+    )
+    print_result({"families": names, "described": described, "gallery": str(gallery) if gallery else None}, as_json, shown)
+
+
+@objects_app.command("add", cls=BoundedCommand)
+def objects_add(
+    source: Annotated[Path, typer.Argument(help="A mesh (.glb, .gltf, .obj, .stl, .ply, .off), or a directory of RoboTwin-OD.")],
+    name: Annotated[str, typer.Option(help="What the object is to be called, e.g. mug7.")],
+    family: Annotated[str, typer.Option(help="The object family that it stands for; `domino-data objects` lists them.")],
+    to: Annotated[Path, typer.Option(help="A directory of plugins; the object is written to TO/objects/NAME.")] = Path("plugins"),
+    mass: Annotated[float | None, typer.Option(help="Mass (kg).", min=0, max=50)] = None,
+    density: Annotated[float | None, typer.Option(help="Density (kg/m3), where no mass is given; 400.", min=0, max=20000)] = None,
+    up: Annotated[
+        Literal["x", "y", "z", "-x", "-y", "-z"] | None,
+        typer.Option(help="Axis of the file that is up; by default the way of standing that is most like the family."),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Metres per unit of the file.", min=1e-6, max=1000)] = 1.0,
+    words: Annotated[
+        str | None, typer.Option(help="What people call it, comma separated, the noun first; NAME by default.")
+    ] = None,
+    licence: Annotated[str, typer.Option(help="The licence of the mesh, e.g. CC-BY-4.0.")] = "unknown",
+    within: Annotated[
+        Path | None, typer.Option(help="Directory below which textures may lie; that of the mesh by default.")
+    ] = None,
+) -> None:
+    """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the frames of its family."""
+    from pipeline.run.catalogue.object_check import check_object
+    from pipeline.run.objects.add import Options, add_object, notes
+    from pipeline.run.objects.robotwin import add_robotwin, is_robotwin
+
+    options = Options(name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within)
+    added = add_robotwin(source, options) if is_robotwin(source) else [add_object(source, options)]
+    print("\n".join(line for directory in added for line in notes(directory)))
+    failed = [(directory.name, found) for directory in added for found in check_object(directory.name) if not found.ok]
+    if failed:
+        print("\n".join(f"FAIL {name}: {found.name}: {found.detail}" for name, found in failed))
+        print("correct object.toml, or add it again with another --up, --mass or --family")
+        raise typer.Exit(1)
+
+
+robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.")
+
+
+@robots_app.command("add", cls=BoundedCommand)
+def robots_add(
+    source: Annotated[Path, typer.Argument(help="A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")],
+    name: Annotated[str, typer.Option(help="Name of the robot, e.g. xarm6.")],
+    to: Annotated[Path, typer.Option(help="A directory of plugins; the robot is written to TO/robots/NAME.")] = Path("plugins"),
+    base: Annotated[str | None, typer.Option(help="The root link of the arm, if the URDF holds more than one.")] = None,
+    jaw: Annotated[str | None, typer.Option(help="The joint that drives the gripper, if it is not found.")] = None,
+    licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
+    gripper: Annotated[Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")] = None,
+    flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
+) -> None:
+    """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
+    from pipeline.run.robots.add import Options, add_robot, notes
+
+    directory = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange))
+    print("\n".join(notes(directory)))
+
+
+def check_robot(
+    name: Annotated[str, typer.Argument(help="The robot.", metavar="NAME", autocompletion=complete.robot)],
+    tasks: Annotated[str, typer.Option(help="Tasks to try at level 0, comma separated; `all`, or `none`.")] = "click_bell",
+    images: Annotated[Path | None, typer.Option(help="Directory for an image of each clause.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check that a robot can do its work; exit code 1 if a clause does not hold."""
+    from pipeline.run.robots.check import check_robot as check
+    from pipeline.tasks.contract import TASKS, expand_tasks
+    from pipeline.world.robots import canonical_name
+
+    wanted = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
+    if unknown := [task for task in wanted if task not in TASKS]:
+        raise UsageError(f"--tasks {unknown[0]!r}: `domino-data tasks` lists them")
+    robot = canonical_name(name)
+    print_findings({robot: [*check(robot, wanted, images)]}, as_json)

@@ -3,20 +3,21 @@
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, cast
 
 import typer
 
 from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
+from pipeline.data.findings import Finding
 from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
 from pipeline.run.engine.pool import EXECUTORS, Pool, pick_executor
-from pipeline.run.engine.progress import KINDS, Kind
+from pipeline.run.engine.progress import SHOWN, Kind
 from pipeline.run.engine.signals import Stopped, stop_on_signal
 
 GIVEN_UP = 3
@@ -101,14 +102,9 @@ def numbers[T](text: str | None, parse: Callable[[str], T], option: str) -> list
         raise UsageError(f"{option} {show_value(text)} is not a list of numbers like 1,2,3") from error
 
 
-LevelList = Annotated[
-    str | None, typer.Option(help="Levels, comma separated: 0 static, 1 constant velocity, 2 polynomial, 3 abrupt.")
-]
 Executor = Annotated[str, typer.Option(help="inline, ray or auto (inline for one worker).")]
 Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Worker processes.", show_default="all cores")]
 Address = Annotated[str | None, typer.Option(help="A running Ray cluster to work on, host:port (docs/cluster.md).")]
-
-
 Gpus = Annotated[
     float | None,
     typer.Option(
@@ -119,15 +115,14 @@ Gpus = Annotated[
     ),
 ]
 RuntimeEnv = Annotated[
-    Path | None,
-    typer.Option(help="A YAML or JSON file with Ray's runtime_env for the processes on the nodes of --address."),
+    Path | None, typer.Option(help="A YAML or JSON file with Ray's runtime_env for the processes on the nodes of --address.")
 ]
 
 
-def check_page(path: Path | None, option: str) -> None:
-    """Raise UsageError for a place of a page that names no page: no other file is written over."""
-    if path is not None and path.suffix != ".html":
-        raise UsageError(f"{option} {path}: is not the name of a page: let it end in .html")
+def check_file(path: Path | None, option: str, kind: str, suffix: str) -> None:
+    """Raise UsageError for a place of a page, an image or a film that names none: no other file is written over."""
+    if path is not None and path.suffix != suffix:
+        raise UsageError(f"{option} {path}: is not the name of {kind}: let it end in {suffix}")
 
 
 def executor_of(name: str, workers: int | None) -> tuple[str, int]:
@@ -138,10 +133,9 @@ def executor_of(name: str, workers: int | None) -> tuple[str, int]:
 
 def kind_of(progress: str) -> Kind:
     """How progress is shown, by its name."""
-    for kind in get_args(Kind):
-        if kind == progress:
-            return kind
-    raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(KINDS)}")
+    if progress not in SHOWN:
+        raise UsageError(f"--progress {progress!r} is unknown: choose {', '.join(SHOWN)}")
+    return cast(Kind, progress)
 
 
 def pool_of(
@@ -172,3 +166,11 @@ def runtime_env_of(path: Path | None) -> dict[str, Any]:
     if not isinstance(variables, dict) or not all(isinstance(word, str) for pair in variables.items() for word in pair):
         raise UsageError(f"--runtime-env {path}: env_vars is not a mapping of names to texts, like {{NAME: 'value'}}")
     return values
+
+
+def print_findings(found: Mapping[str, Sequence[Finding]], as_json: bool) -> None:
+    """Print what checks found, by name of what was checked. Raises typer.Exit(1) if a clause does not hold."""
+    lines = [f"{'ok  ' if f.ok else 'FAIL'} {name}: {f.name}: {f.detail}" for name, all_of in found.items() for f in all_of]
+    print_result({name: [vars(f) for f in all_of] for name, all_of in found.items()}, as_json, "\n".join(lines))
+    if not all(f.ok for all_of in found.values() for f in all_of):
+        raise typer.Exit(1)

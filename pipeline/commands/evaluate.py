@@ -1,13 +1,13 @@
-"""evaluate: try a policy in closed loop."""
+"""evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside the paper, on a WebSocket."""
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable
+from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable, table
 from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
@@ -36,17 +36,13 @@ def evaluate(
     answer_seconds: Annotated[
         float,
         typer.Option(
-            min=0.01,
-            max=86_400,
-            help="Time limit of one answer of the policy (s); all answers of an episode have ten times that.",
+            min=0.01, max=86_400, help="Time limit of one answer of the policy (s); all answers of an episode have ten times that."
         ),
     ] = 300.0,
     batch_wait: Annotated[
         float | None,
         typer.Option(
-            min=0,
-            max=60_000,
-            help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions.",
+            min=0, max=60_000, help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions."
         ),
     ] = None,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
@@ -111,3 +107,147 @@ def _images_setup(given: Given, recipe: Recipe) -> Setup:
             raise UsageError(f"--{asked} is of the images of --cameras: name some")
         return blind(recipe)
     return recipe.setup.override({"textures": given.values.get("textures", "unseen")})
+
+
+def compare(
+    runs: Annotated[
+        list[str],
+        typer.Argument(help="Directories of evaluations; networks of one kind are joined by commas: A1,A2,A3.", metavar="RUN..."),
+    ],
+    effect: Annotated[
+        float, typer.Option(min=0.01, max=100, help="Estimate the number of scenes that a difference of this many points needs.")
+    ] = 5,
+    unpaired: Annotated[bool, typer.Option(help="Also compare runs with other scenes, rules or clocks; less precise.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compare policies with the first one on the scenes they share: difference, 95 % interval, exact test, scenes needed."""
+    from pipeline.evaluate.compare import compare as compare_arms
+    from pipeline.evaluate.compare import compare_unpaired, read_arms
+
+    first, *others = read_arms(runs)
+    found = [row for other in others for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)]
+    print_result({"effect": effect, "comparisons": found}, as_json, _describe(found, effect))
+
+
+def _describe(rows: list[dict[str, Any]], effect: float) -> str:
+    head = ("policy", "against", "of", "scenes", "SR %", "SR %", "difference (95 %)", "won", "lost", "p", f"for {effect:g} points")
+    body = [
+        (
+            row["second"],
+            row["first"],
+            row["what"],
+            row["scenes"],
+            f"{row['second_rate']:.1f}",
+            f"{row['first_rate']:.1f}",
+            f"{row['effect']:+.1f} ({row['interval'][0]:+.1f} to {row['interval'][1]:+.1f})",
+            row.get("won", "-"),
+            row.get("lost", "-"),
+            f"{row['p']:.2g}" if "p" in row else "-",
+            row["needed"] or "-",
+        )
+        for row in rows
+    ]
+    return table(head, body)
+
+
+@recipe_options("rules", "cameras", files=(), rules="domino")
+def paper_table(
+    given: Given,
+    name: Annotated[str, typer.Argument(help="main, task-type, history-aware, cross-level, slow or double.", metavar="NAME")],
+    policy: Annotated[str, typer.Option(help="A policy, as for `evaluate`.")],
+    episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")] = 100,
+    clock: Annotated[str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")] = None,
+    executor: Executor = "auto",
+    workers: Workers = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
+    as_json: AsJson = False,
+) -> None:
+    """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
+    from pipeline.evaluate.evaluate import evaluate as run_evaluation
+    from pipeline.evaluate.paper import beside, differences, experiment
+    from pipeline.evaluate.policies import policy_name
+    from pipeline.run.evaluation import evaluation_of, runner
+
+    found = experiment(name)
+    cells = {"tasks": found.tasks, "levels": found.levels, "alpha": found.alpha, "embodiments": "aloha"}
+    recipe = given.recipe(rules="domino", **cells)
+    setup = recipe.setup.override({"textures": "unseen"})
+    wanted = evaluation_of(recipe, setup, policy_name(policy), clock or "", episodes=episodes)
+    means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
+    rows = beside(found, means)
+    apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
+    lines = [
+        (
+            row["method"] if row["paper"] else f"-> {row['method']}",
+            row["level"],
+            row["category"],
+            *(_number(row["paper"], row[key], row.get(f"{key}_interval")) for key in ("success_rate", "manipulation_score")),
+        )
+        for row in rows
+    ]
+    text = [found.title, "", table(("method", "level", "tasks", "SR %", "MS"), lines), "", "-> differs from the paper:"]
+    values = {"experiment": name, "rows": rows, "differences": apart, "episodes": str(out)}
+    print_result(values, as_json, "\n".join([*text, *(f"   {line}" for line in apart)]))
+
+
+def _number(paper: bool, value: float, interval: list[float] | None) -> str:
+    return f"{value:g}" if paper or interval is None else f"{value:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
+
+
+def serve_policy(
+    policy: Annotated[str, typer.Argument(help="FILE.py with make_policy(), random, or lerobot:PATH and the other kinds.")],
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; others than loopback need a token in DOMINO_POLICY_TOKEN.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 selects a free one.")] = 8765,
+    clients: Annotated[int, typer.Option(min=1, max=1000, help="Number of simultaneous clients, each with its own policy.")] = 1,
+    batch_wait: Annotated[
+        float | None,
+        typer.Option(min=0, max=60_000, help="Use one BatchPolicy for all clients; a batch waits this many ms for more questions."),
+    ] = None,
+    protocol: Annotated[str, typer.Option(help="domino, or openpi for clients of openpi.")] = "domino",
+    embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
+    reset_every: Annotated[
+        int, typer.Option(min=0, max=100_000, help="Number of questions in an episode of openpi's clients; 0 detects its end.")
+    ] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
+    from pipeline.evaluate.policies import make_policy, policy_name
+    from pipeline.evaluate.policy import Policy, SeesTruth
+    from pipeline.evaluate.serving.address import token
+    from pipeline.evaluate.serving.batching import batcher_of
+    from pipeline.evaluate.serving.openpi import Openpi
+    from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
+    from pipeline.evaluate.serving.session import Domino
+    from pipeline.world.robots import UnknownEmbodiment, get_embodiment
+
+    if protocol not in ("domino", "openpi"):
+        raise UsageError(f"--protocol {protocol!r} is unknown: choose domino or openpi")
+    if reset_every and protocol != "openpi":
+        raise UsageError("--reset-every is for --protocol openpi: the clients of domino report the start of an episode")
+    try:
+        robot = get_embodiment(embodiment).name
+    except UnknownEmbodiment as error:
+        raise UsageError(f"--embodiment: {error}") from error
+    place, name = Place(host, port, token()), policy_name(policy)
+
+    def made() -> Policy:
+        found = make_policy(name)
+        if isinstance(found, SeesTruth):
+            raise UsageError(f"{policy} is shown the simulation itself and cannot be served: give it to evaluate --policy")
+        return found
+
+    def print_address(port: int) -> None:
+        shown = f"[{host}]" if ":" in host else host
+        print_result(
+            {"policy": name.label, "host": host, "port": port},
+            as_json,
+            f"serving {name.label} on {'ws' if protocol == 'domino' else protocol}://{shown}:{port}",
+        )
+        sys.stdout.flush()
+
+    language = Domino(name.label) if protocol == "domino" else Openpi(name.label, robot, reset_every)
+    make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
+    server = PolicyServer(make, language, place, Limits(clients), lambda line: typer.echo(line, err=True))
+    server.run(print_address)

@@ -1,4 +1,4 @@
-"""export: the episodes of a dataset in another format, whose own options are those of its dataclass."""
+"""export and publish: the episodes of a dataset in another format, whose own options are those of its dataclass."""
 
 import sys
 from collections.abc import Mapping
@@ -11,6 +11,7 @@ import typer
 from pipeline.commands.bounded import BoundedCommand
 from pipeline.commands.common import AsJson, Quiet, Root, UsageError, Workers, executor_of, print_result, split_list, warn_of_stale
 from pipeline.data.dataset import Dataset
+from pipeline.data.licences import forbidden, licences_in
 
 GIVEN = "given"
 FORMATS = "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds, dynamicwam, puma-gt"
@@ -114,3 +115,50 @@ def export(
         print(f"domino-data: warning: {made.warning}", file=sys.stderr)
     what = "failed attempts" if split == "failures" else "episodes"
     print_result(made.summary, as_json, f"{made.episodes} {what} written to {made.place}")
+
+
+def publish(
+    dataset: Root,
+    format_: Annotated[str, typer.Option("--format", help="The export to publish; it must exist.")],
+    repo_id: Annotated[str, typer.Option("--repo-id", help="Name of the dataset repository, OWNER/NAME.")],
+    private: Annotated[bool, typer.Option("--private", help="Make the repository private.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be uploaded.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the upload.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Publish an export on the Hugging Face hub; rerun the same command to resume."""
+    from pipeline.export import EXPORTERS
+    from pipeline.export.common import read_summary
+    from pipeline.export.publish import prepare
+    from pipeline.export.publish import publish as send
+
+    source = Dataset(dataset)
+    if format_ not in EXPORTERS:
+        raise UsageError(f"--format {format_!r} is unknown: choose {', '.join(EXPORTERS)}")
+    place, recipe = source.exports(format_), source.recipe()
+    if not place.is_dir():
+        raise UsageError(f"{place} is not there: run `domino-data export {dataset} --format {format_}` first")
+    if held := forbidden(licences_in(source.made_by())):
+        raise UsageError(f"{dataset}: shows {', '.join(held)}: this licence forbids publishing; ask its owner")
+    count, exported = len(source.accepted(recipe)), read_summary(place)["episodes"]
+    if count != exported:
+        raise UsageError(f"{place} has {exported} episodes, the dataset {count}: export it again first")
+    shipment = prepare(place, repo_id, private)
+    if dry_run or not as_json:
+        print_result(shipment.as_dict(), as_json, shipment.describe())
+    if shipment.problems:
+        raise typer.Exit(1)
+    if dry_run:
+        return
+    if not yes:
+        if not sys.stdin.isatty():
+            raise UsageError("nothing was uploaded: without a terminal to ask at, pass --yes")
+        if not typer.confirm(f"Send this to {repo_id}?"):
+            raise UsageError("nothing was sent")
+    from huggingface_hub import HfApi, get_token
+
+    token = get_token()
+    if token is None:
+        raise UsageError("the hub wants to know who you are: run `hf auth login`, or set HF_TOKEN")
+    url = send(shipment, HfApi(token=token))
+    print_result(shipment.as_dict() | {"url": url}, as_json, f"published: {url}")

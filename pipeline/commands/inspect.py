@@ -1,6 +1,9 @@
-"""status and verify: what a dataset holds, and whether it keeps its promises."""
+"""status, verify, doctor: what a dataset holds, whether it keeps its promises, and whether this machine can build."""
 
+import json
+import sys
 from itertools import islice
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,11 +12,8 @@ from pipeline.commands.common import AsJson, Executor, Root, Workers, pool_of, p
 from pipeline.data.dataset import Dataset
 from pipeline.run.engine.pool import Pool
 
-FEW = 50
-"""Slots that are judged sooner than workers are started."""
-
-MOST_FRAMES = 100_000
-"""More than any episode has."""
+FEW = 50  # slots that are judged sooner than workers are started
+MOST_FRAMES = 100_000  # more than any episode has
 
 
 def status(dataset: Root, as_json: AsJson = False) -> None:
@@ -55,8 +55,8 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check everything that a dataset promises; exit code 1 if something does not hold or cannot be compared."""
-    from pipeline.run.verify import closing
-    from pipeline.run.verify import verify as run_verify
+    from pipeline.run.verify.dataset import verify as run_verify
+    from pipeline.run.verify.tally import closing
 
     source = Dataset(dataset)
     pool = pool_of(executor, workers, None)
@@ -66,4 +66,25 @@ def verify(
     lines = [f"{'ok  ' if c['ok'] else 'FAIL' if c['problems'] else '??? '} {c['name']}: {c['detail']}" for c in values["checks"]]
     print_result(values, as_json, "\n".join([*lines, closing(values)]))
     if not values["ok"]:
+        raise typer.Exit(1)
+
+
+def doctor(out: Annotated[Path, typer.Option(help="Directory for datasets.")] = Path(), as_json: AsJson = False) -> None:
+    """Check whether this machine can build; exit code 1 if it cannot."""
+    from pipeline.run.doctor import diagnose
+
+    results = []
+    print("examining this machine, about 15 s", file=sys.stderr, flush=True)
+    for result in diagnose(out):
+        results.append(result)
+        if not as_json:
+            print(f"{result.verdict}  {result.name}: {result.detail}", flush=True)
+            if result.fix:
+                print(f"      fix: {result.fix}", flush=True)
+    counts = {verdict: sum(r.verdict == verdict for r in results) for verdict in ("PASS", "WARN", "FAIL")}
+    if as_json:
+        print(json.dumps({"ok": not counts["FAIL"], "checks": [vars(r) for r in results]}, indent=1))
+    else:
+        print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    if counts["FAIL"]:
         raise typer.Exit(1)

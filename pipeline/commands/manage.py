@@ -12,8 +12,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.store.places import forget
 from pipeline.data.store.urls import url_of
 
-SHOWN = 40
-"""Lines of a list that are printed for a person; --json prints all."""
+SHOWN = 40  # lines of a list that are printed for a person; --json prints all
 
 
 def diff(

@@ -18,9 +18,7 @@ from pipeline.data.recipe.file import find_recipe, read_recipe
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
 
-NO_OPTION = ("name", "keep_failures")
-"""Keys that only a file gives."""
-
+NO_OPTION = ("name", "keep_failures")  # keys that only a file gives
 SETUP = tuple(key for key in Setup.model_fields if key not in NO_OPTION)
 EVERY = tuple(key for key in KEYS if key not in NO_OPTION)
 CELLS = ("tasks", "embodiments", "levels", "domains", "alpha")
@@ -44,12 +42,8 @@ Like = Annotated[
         metavar="DATASET",
     ),
 ]
-FILES = {"manifest": Manifest, "like": Like}
-"""Options beside the keys."""
-
-
+FILES = {"manifest": Manifest, "like": Like}  # options beside the keys
 COMPLETIONS = {"tasks": complete.tasks, "embodiments": complete.robots}
-
 FLAGS = {key: option_of(key) for key in EVERY}
 
 

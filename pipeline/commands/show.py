@@ -1,12 +1,13 @@
-"""show: one episode to look at."""
+"""show and view: one episode, or a dataset, to look at in a browser."""
 
 import webbrowser
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from tqdm import tqdm
 
-from pipeline.commands.common import AsJson, UsageError, check_page, print_result
+from pipeline.commands.common import AsJson, Quiet, Root, UsageError, check_file, print_result
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 
@@ -21,7 +22,7 @@ def show(
     """Write a page with the film of an episode, its frames, events and sentences, and print its path."""
     from pipeline.report.show import show as write
 
-    check_page(out, "--out")
+    check_file(out, "--out", "a page", ".html")
     if episode.is_dir():
         raise UsageError(f"{episode} is a directory: name one of the .hdf5 files below DATASET/episodes")
     if film is not None and out is not None:
@@ -40,8 +41,7 @@ def write_film(episode: Path, film: Path) -> Path:
     from pipeline.stages.redraw import redraw_smooth
 
     root = dataset_of(episode)
-    if film.suffix != ".mp4":
-        raise UsageError(f"--film {film}: is not the name of a film: let it end in .mp4")
+    check_file(film, "--film", "a film", ".mp4")
     if root is None:
         raise UsageError(f"{episode} is in no dataset, whose assets/ a film is drawn from: name a file below DATASET/episodes")
     write_atomic(film, observed(episode, partial(redraw_smooth, bodies=Dataset(root).bodies)))
@@ -61,3 +61,70 @@ def default_page(episode: Path) -> Path:
         return Path(f"{episode.stem}.html")
     inside = episode.resolve().relative_to(root / "episodes").with_suffix("")
     return root / "report" / "show" / f"{'-'.join(inside.parts)}.html"
+
+
+PAGES = 30
+
+
+def view(
+    dataset: Root,
+    out: Annotated[Path | None, typer.Option(help="Directory of the pages.", show_default="DATASET/report/view")] = None,
+    episodes: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Episodes on the offline page, and as many failures; levels have equal shares.")
+    ] = PAGES,
+    serve: Annotated[bool, typer.Option("--serve", help="Show all episodes from a server on this machine instead.")] = False,
+    rerun: Annotated[Path | None, typer.Option(help="Write recordings for rerun (.rrd) to this directory instead.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server; 0 selects a free one.")] = 0,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write pages that show episodes, cameras in step with curves and events, or serve them; works without a network."""
+    from pipeline.report.viewer import choose, viewer_server, write_viewer
+    from pipeline.report.viewer.rerun_log import log_episode
+
+    source = Dataset(dataset)
+    pages = source.report.parent / "view"
+    for place, option in ((out, "--out"), (rerun, "--rerun")):
+        if place is not None and place.resolve() != pages.resolve():
+            _check_place(place, source.root, option)
+    recipe = source.recipe()
+    there, failed = sorted(source.accepted(recipe)), sorted(path for path, _ in source.kept_failures(recipe))
+    if not there and not failed:
+        raise UsageError(f"{dataset} has no finished episodes to show")
+    if serve:
+        with viewer_server(source.root, [*there, *failed], port) as server:
+            address = f"http://{server.server_address[0]}:{server.server_address[1]}/"
+            print_result({"address": address}, as_json, f"{address}  (Ctrl-C ends it)")
+            if open_:
+                webbrowser.open(address)
+            try:
+                server.serve_forever()
+            except KeyboardInterrupt:
+                return
+    chosen = choose(there, episodes)
+    for path in chosen:
+        source.check_bytes(path.relative_to(source.episodes))
+    if rerun is not None:
+        names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
+        made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]
+        return print_result({"recordings": made}, as_json, "\n".join(made))
+    shown = [*chosen, *choose(failed, episodes)]
+    with tqdm(total=len(shown), unit="ep", disable=as_json or quiet or None) as bar:
+        page = write_viewer(source.root, shown, out or pages, len(there) + len(failed), bar.update)
+    said = {"page": str(page), "episodes": len(chosen), "failures": len(shown) - len(chosen)}
+    print_result(said, as_json, str(page))
+    if open_ and not webbrowser.open(page.resolve().as_uri()):
+        raise UsageError(f"no browser could be opened: open {page} by hand")
+
+
+def _check_place(place: Path, dataset: Path, option: str) -> None:
+    """Raise UsageError for a directory in the dataset, one that holds it, and one with files that this command did not write."""
+    from pipeline.report.viewer.page import LIST, PAGE, PLOTLY
+
+    inside, outside = place.resolve(), dataset.resolve()
+    if inside.is_relative_to(outside) or outside.is_relative_to(inside):
+        raise UsageError(f"{option} {place}: is inside the dataset or holds it: name another directory")
+    ours = (PAGE, LIST, PLOTLY, "episode_", ".")
+    if place.is_dir() and (foreign := [f for f in place.iterdir() if not f.name.startswith(ours) and f.suffix != ".rrd"]):
+        raise UsageError(f"{option} {place}: has {foreign[0].name}, which is not a page of the viewer: name another directory")

@@ -3,7 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -18,18 +18,14 @@ from pipeline.annotate.work import Outcome, StageWorker
 from pipeline.data.atomic import sweep
 from pipeline.data.store.lock import exclusive
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 
-LEASE = 8
-"""Most episodes handed to a worker at once: enough for its prefetch thread to run ahead."""
-
+LEASE = 8  # most episodes handed to a worker at once: enough for its prefetch thread to run ahead
 EPISODE_SECONDS = 1200.0
 """What a worker may take until the next annotation is written, loading its models included, before it counts as hung."""
 
-type Lease = tuple[str, ...]
-"""A job: episodes, relative to the dataset's."""
+type Lease = tuple[str, ...]  # a job: episodes, relative to the dataset's
 
 
 @dataclass(frozen=True)
@@ -42,17 +38,11 @@ class Execution:
     progress: bool = False
 
 
-class Planned(TypedDict):
-    """A row of a dry run's report: an episode that would be annotated, and why."""
-
-    episode: str
-    action: str
-    state: str
-    reason: str
-
-
 class StageReport(TypedDict):
-    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale or corrupt file."""
+    """What was done for one stage and camera; `invalid` counts the computed that replaced a stale or corrupt file.
+
+    `plan` of a dry run has the episode, action, state and reason of each episode that would be annotated.
+    """
 
     name: str
     camera: str
@@ -66,7 +56,7 @@ class StageReport(TypedDict):
     seconds: float
     hit_rate: float
     problems: list[str]
-    plan: NotRequired[list[Planned]]
+    plan: NotRequired[list[dict[str, str]]]
 
 
 class AnnotateReport(TypedDict):
@@ -101,7 +91,11 @@ def annotate(
     build = build_for_dry_run if dry_run else build_stages
     built = build(options, stages, render, execution.device)
     report: AnnotateReport = {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": []}
-    with _alone(dataset) if chosen and not dry_run else nullcontext(), session(execution.pool):
+    folder, writes = dataset / "annotations", bool(chosen) and not dry_run
+    if writes:
+        folder.mkdir(exist_ok=True)
+    # not the dataset's lock, so that a build can run meanwhile
+    with exclusive(folder) if writes else nullcontext(), session(execution.pool):
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
@@ -109,9 +103,9 @@ def annotate(
                 report["stages"].append(_summary(stage, f"{stage.name}@?", done, 0.0, dry_run))
                 continue
             directory = directory_of(stage)
-            if not dry_run and chosen:
+            if writes:
                 write_stage(dataset, directory, {"stage": stage.name, "version": stage.version, "parameters": stage.parameters()})
-                sweep(dataset / "annotations" / directory)
+                sweep(folder / directory)
             with closing(outcomes(stage, dataset, chosen, execution)) as found:
                 bar = tqdm(found, total=len(chosen), desc=directory, unit="episode", disable=not execution.progress)
                 done = sorted(bar, key=lambda o: o.episode)
@@ -119,15 +113,6 @@ def annotate(
                 done = [replace(o, action="computed", reason="after its masks") if o.action == "waiting" else o for o in done]
             report["stages"].append(_summary(stage, directory, done, time.perf_counter() - start, dry_run))
     return report
-
-
-@contextmanager
-def _alone(dataset: Path) -> Iterator[None]:
-    """Hold the lock of the annotations. It is not the dataset's, so that a build can run meanwhile. Raises Busy."""
-    folder = dataset / "annotations"
-    folder.mkdir(exist_ok=True)
-    with exclusive(folder):
-        yield
 
 
 def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution) -> Generator[Outcome, None, None]:

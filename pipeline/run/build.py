@@ -5,7 +5,6 @@ import time
 from collections import Counter, deque
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +21,20 @@ from pipeline.data.store.lock import exclusive
 from pipeline.data.store.urls import with_urls
 from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
-from pipeline.run.cost import cost_of
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.metrics import Metrics
-from pipeline.run.engine.node import NodeCheck
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.engine.progress import Kind, Progress
+from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
+from pipeline.run.engine.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.mend import from_scenes, mend_assets
-from pipeline.run.recovery import recover
+from pipeline.run.identity.sources import installed_version
+from pipeline.run.mend import from_scenes, mend_assets, recover
+from pipeline.run.plan import cost_of
 from pipeline.run.slot import running
 from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
 from pipeline.run.slot.make import read_facts
+from pipeline.run.slot.running import NodeCheck
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of
@@ -80,8 +77,7 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
     Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, Busy if another command writes
-    the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep
-    dying.
+    the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)
@@ -106,7 +102,7 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
     parts = Counter(known[slot].todo for slot in todo)
     jobs = _jobs(dataset, recipe, known, todo)
     running.clear_all(dataset, todo)
-    progress = Progress(len(slots), len(slots) - len(todo), shown)
+    progress = SHOWN[shown](len(slots), len(slots) - len(todo))
     if recovered:
         progress.write_line(f"{recovered:,} missing entries of the ledger are restored from their episodes")
     ledger, unfinished = LedgerWriter(dataset.ledger), {slot for slot in todo if known[slot].todo == OPEN}
@@ -261,16 +257,10 @@ def _again(dataset: Dataset, job: SlotJob, reason: str, strikes: Strikes) -> Slo
 
 def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:
     """What made the dataset: hash of the code, package versions, Python, renderer, processor. No clock."""
-    packages = {}
-    for name in _PACKAGES:
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            packages[name] = "missing"
     return {
         "code_version": code_version(),
         "licences": _licences(recipe),
-        "packages": packages,
+        "packages": {name: installed_version(name) or "missing" for name in _PACKAGES},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": processor(),

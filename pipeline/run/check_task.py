@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.data.findings import Finding, catch_errors
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.run.reasons import reasons, row_of
+from pipeline.run.reasons import reasons_of
 from pipeline.run.unreached import draw, find_unreached
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
@@ -34,8 +34,7 @@ def check_task(
     images: Path | None = None,
     recipe: Recipe = DEFAULT,
 ) -> list[Finding]:
-    """Check one task on one robot, done as `recipe` wants it; images of poses that an arm does not reach go to the directory
-    `images`.
+    """Check one task on one robot, done as `recipe` wants it; images of poses that an arm does not reach go to `images`.
 
     An error of the task's own code is a finding. Raises UnknownName for an unknown task, UnknownEmbodiment for an unknown robot.
     """
@@ -63,7 +62,7 @@ def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout], imag
             failures.append(failure)
     rollout = rollouts.get(spec.level)
     detail = f"seed {rollout.scene.spec.seed}" if rollout else f"none of {SEEDS_PER_LEVEL} seeds was accepted"
-    detail += "".join(f"; {reason.describe()}" for reason in reasons(map(row_of, failures)))
+    detail += "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
     yield Finding(f"level {spec.level}", rollout is not None, detail)
     yield from _episode(spec.level, rollout) if rollout else _find_unreached(spec, failures, images)
 
@@ -98,7 +97,7 @@ def _layouts(spec: EpisodeSpec) -> Iterator[Finding]:
         drawn += 1
         arms |= {tuple(sorted(scene.arms.items()))}
         outside += not task.workspace.contains(scene.bodies[task.target].pose)
-    why = "".join(f"; {reason.describe()}" for reason in reasons(map(row_of, failures)))
+    why = "".join(f"; {reason.describe()}" for reason in reasons_of(failures))
     yield Finding("layout", drawn >= 0.9 * LAYOUTS, f"{drawn} of {LAYOUTS} seeds could be laid out{why}")
     yield Finding("workspace", outside == 0, f"{outside} targets stand outside the task's workspace")
     both = len(arms) > 1 or any(len({side for _, side in roles}) == 2 for roles in arms)

@@ -12,8 +12,7 @@ from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Recipe, Slot
 
 MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its episode is gone", "other bytes, same keys"
-UNWANTED = "not wanted"
-"""What a slot is to a dataset whose recipe has no such slot."""
+UNWANTED = "not wanted"  # what a slot is to a dataset whose recipe has no such slot
 
 
 @dataclass(frozen=True)

@@ -2,20 +2,20 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.files import LedgerWriter
+from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.node import NodeCheck
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
-from pipeline.run.engine.strikes import Strikes
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.redraw import DrawJob, Drawn, draw_slot, is_drawn, origin_of
+from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
+from pipeline.run.slot.running import NodeCheck
 
 
 @dataclass(frozen=True)
@@ -58,32 +58,24 @@ def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, q
     """Do all of it under one progress bar and write the entries; what could not be drawn, one line each, sorted.
 
     A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
-    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers cannot be started
-    or do not last.
+    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers do not start or last.
     """
-    unfinished = set(work.new)
-    try:
-        return _draw_all(work, ledger, pool, timeout, quiet, unfinished)
-    finally:
-        work.out.withdraw(unfinished)
-
-
-def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool, unfinished: set[Slot]) -> list[str]:
-    """As `draw_all`; takes the slots whose entries came here out of `unfinished`."""
-    problems: list[str] = []
+    problems, unfinished = list[str](), set(work.new)
     jobs, strikes = deque(work.jobs), Strikes(pool.workers)
     limit = Limit[DrawJob](lambda _: timeout)
     bar = tqdm(total=work.done + len(work.jobs), initial=work.done, unit="ep", disable=quiet, dynamic_ncols=True)
     check = NodeCheck(work.jobs[0].out, work.jobs[0].code) if work.jobs else None
-    with bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
+    with ExitStack() as ended, bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
+        ended.callback(work.out.withdraw, unfinished)
         for end in ends:
             match end:
-                case Done(job, drawn):
+                case Done(_, str() as problem):
                     strikes.clear()
-                    if drawn.record is not None:
-                        unfinished.discard(job.slot)
-                        ledger.add(job.slot, drawn.record)
-                    problems += [drawn.problem] if drawn.problem else []
+                    problems.append(problem)
+                case Done(job, SlotRecord() as record):
+                    strikes.clear()
+                    unfinished.discard(job.slot)
+                    ledger.add(job.slot, record)
                 case Died(job, reason) if reason != "node_lost" and strikes.count_loss(job.slot):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")
                 case Died(job, _):
@@ -95,7 +87,7 @@ def _draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, 
     return sorted(problems)
 
 
-def drawer() -> Callable[[DrawJob], Drawn]:
+def drawer() -> Callable[[DrawJob], SlotRecord | str]:
     """`draw_slot`, in a process that has hashed its code already."""
     code_version()
     return draw_slot

@@ -17,18 +17,13 @@ from pipeline.evaluate.policies import identify
 from pipeline.evaluate.policy import PolicyError, PolicyName
 from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool
-from pipeline.run.engine.strikes import Strikes
+from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
 from pipeline.run.identity import sources
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.robots import get_embodiment
 
-EPISODE_SECONDS = 1800.0
-"""What one episode, or one seed of the expert, may take before its worker counts as hung."""
-
-LONGEST_NAME = 200
-"""Characters of what a job is called in an error."""
-
+EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
+LONGEST_NAME = 200  # characters of what a job is called in an error
 EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.protocol")
 """The modules that, with what they import, decide the numbers of an episode."""
 

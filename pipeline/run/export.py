@@ -17,8 +17,7 @@ from pipeline.export.options import flag_name
 from pipeline.export.selection import expression, select_episodes
 from pipeline.report.card import describe
 
-CORRECTED = ("lerobot", "parquet")
-"""Formats whose frames say who acted."""
+CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from pipeline.data.recipe.model import Cell, Floor, Recipe, Slot
 if TYPE_CHECKING:  # it imports the simulator, and status needs none
     from pipeline.run.slot.fill import SlotJob
 
-type Rows = Sequence[Mapping[str, Any]]
-"""Rows of attempts.parquet."""
+type Rows = Sequence[Mapping[str, Any]]  # rows of attempts.parquet
 
 
 @dataclass(frozen=True)
@@ -54,20 +53,19 @@ def judge(cell: Cell, wanted: int, floor: Floor, first: Sequence[Rows]) -> Stop 
 
 def stops_in(dataset: Dataset, recipe: Recipe) -> Iterator[Stop]:
     """The stopped cells of a dataset, by its ledger."""
-    tried = _read_attempts(dataset, recipe)
-    for cell, wanted in recipe.counts().items() if recipe.floor else ():
-        if recipe.floor and wanted > recipe.floor.slots:
-            rows = [tried[slot] for index in range(recipe.floor.slots) if (slot := Slot(cell, index)) in tried]
-            if len(rows) == recipe.floor.slots and (stop := judge(cell, wanted, recipe.floor, rows)):
-                yield stop
+    if (floor := recipe.floor) is None:
+        return
+    tried = _read_attempts(dataset, recipe, floor)
+    for cell, wanted in recipe.counts().items():
+        rows = [tried[slot] for index in range(floor.slots) if (slot := Slot(cell, index)) in tried]
+        if len(rows) == floor.slots and (stop := judge(cell, wanted, floor, rows)):
+            yield stop
 
 
-def _read_attempts(dataset: Dataset, recipe: Recipe) -> dict[Slot, Rows]:
+def _read_attempts(dataset: Dataset, recipe: Recipe, floor: Floor) -> dict[Slot, Rows]:
     """The attempts at the first slots of every cell, by the ledger."""
-    if recipe.floor is None:
-        return {}
     entries = dataset.entries(recipe, ("attempts",))
-    first = entries.where([not slot.variant and slot.index < recipe.floor.slots for slot in entries.slots])
+    first = entries.where([not slot.variant and slot.index < floor.slots for slot in entries.slots])
     return dict(zip(first.slots, first.table["attempts"].to_pylist(), strict=True))
 
 
@@ -83,38 +81,34 @@ class Probation:
         self.stops: list[Stop] = []
         self.untried = set[Slot]()
         self._held: dict[Cell, list[SlotJob]] = {}
-        self._first: dict[Cell, dict[int, Rows | None]] = {}
-        if recipe.floor is None:
+        self._first: dict[Cell, dict[int, Rows]] = {}
+        if (floor := recipe.floor) is None:
             return
-        ready = [job for job in jobs if job.slot.index < recipe.floor.slots]
-        pending = {job.slot for job in ready}
+        ready = [job for job in jobs if job.slot.index < floor.slots]
         for job in jobs:
-            if job.slot.index >= recipe.floor.slots:
+            if job.slot.index >= floor.slots:
                 self._held.setdefault(job.slot.cell, []).append(job)
         jobs.clear()
         jobs.extend(ready)
-        tried = _read_attempts(dataset, recipe)
-        for cell in self._held:
-            first = self._first[cell] = {}
-            for slot in (Slot(cell, index) for index in range(recipe.floor.slots)):
-                first[slot.index] = None if slot in pending else tried.get(slot)
+        pending, tried = {job.slot for job in ready}, _read_attempts(dataset, recipe, floor)
         for cell in list(self._held):
-            jobs.extend(self._make_jobs(cell))
+            first = [slot for index in range(floor.slots) if (slot := Slot(cell, index)) in tried and slot not in pending]
+            self._first[cell] = {slot.index: tried[slot] for slot in first}
+            jobs.extend(self._make_jobs(cell, floor))
 
     def finish(self, slot: Slot, attempts: Rows) -> "list[SlotJob]":
         """Note a slot that ended, and return the jobs that may start now."""
-        first = self._first.get(slot.cell, {})
-        if slot.index not in first:
+        if self._recipe.floor is None or slot.cell not in self._held:
             return []
-        first[slot.index] = attempts
-        return self._make_jobs(slot.cell)
+        self._first[slot.cell][slot.index] = attempts
+        return self._make_jobs(slot.cell, self._recipe.floor)
 
-    def _make_jobs(self, cell: Cell) -> "list[SlotJob]":
-        rows = [rows for rows in self._first[cell].values() if rows is not None]
-        if self._recipe.floor is None or cell not in self._held or len(rows) < self._recipe.floor.slots:
+    def _make_jobs(self, cell: Cell, floor: Floor) -> "list[SlotJob]":
+        rows = list(self._first[cell].values())
+        if len(rows) < floor.slots:
             return []
         held = self._held.pop(cell)
-        if stop := judge(cell, self._recipe.wanted(cell), self._recipe.floor, rows):
+        if stop := judge(cell, self._recipe.wanted(cell), floor, rows):
             self.stops.append(stop)
             self.untried.update(job.slot for job in held)
             return []

@@ -35,19 +35,16 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
     """
     recipe = dataset.recipe()
     with exclusive(dataset.root):
-        return _collect(dataset, recipe, dry_run)
-
-
-def _collect(dataset: Dataset, recipe: Recipe, dry_run: bool) -> list[Orphan]:
-    if any((dataset.ledger.root / "running").glob("*.running")):
-        raise DatasetError(f"{dataset.root}: a build of it was killed: run it to its end first")
-    found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
-    if not dry_run:
-        sweep(dataset.root)
-        for orphan in found:
-            if orphan.why != HALF:  # only those whose process is gone
-                remove(dataset.root / orphan.path)
-        delete_uploaded(*(dataset.root / orphan.path for orphan in found if orphan.why != HALF))
+        if any((dataset.ledger.root / "running").glob("*.running")):
+            raise DatasetError(f"{dataset.root}: a build of it was killed: run it to its end first")
+        found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
+        if dry_run:
+            return found
+        sweep(dataset.root)  # of what is half-written only that whose process is gone
+        gone = [dataset.root / orphan.path for orphan in found if orphan.why != HALF]
+        for path in gone:
+            remove(path)
+        delete_uploaded(*gone)
         for folder in ("episodes", "annotations", "assets/bodies"):
             _remove_empty(dataset.root / folder)
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.data.atomic import temporary_name, write_atomic
+from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.dataset import CHANGED, Dataset, DatasetError
 from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.ledger.records import SlotRecord
@@ -41,8 +41,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
     The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
     DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
-    and for an episode whose bytes differ from its ledger's; Busy if another command writes `out`; OSError if a file cannot be
-    written.
+    and for an episode whose bytes differ from its ledger's; Busy if another command writes `out`; OSError if the disk refuses.
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
@@ -75,7 +74,9 @@ def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], o
     finally:
         ledger.close()
     for source in sources:
-        _link_tree(source.assets, out.assets)
+        for path in sorted(source.assets.rglob("*")):
+            if path.is_file() and not path.name.endswith(".tmp"):
+                _link(path, out.assets / path.relative_to(source.assets))
         _take_annotations(source, out)
     out.write_attempts(recipe)
     write_atomic(out.provenance, seal(_provenance(sources)))
@@ -169,27 +170,16 @@ def _take_annotations(source: Dataset, out: Dataset) -> None:
                 _link(path, there / relative)
 
 
-def _link_tree(source: Path, out: Path) -> None:
-    for path in sorted(source.rglob("*")):
-        if path.is_file() and not path.name.endswith(".tmp"):
-            _link(path, out / path.relative_to(source))
-
-
 def _link(path: Path, to: Path) -> None:
     """Make `to` a hard link of `path`, or an atomic copy with the same modification time; another file there is replaced."""
     if to.exists() and (os.path.samefile(path, to) or file_stamp(path) == file_stamp(to)):
         return
-    to.parent.mkdir(parents=True, exist_ok=True)
-    temporary = temporary_name(to)
-    temporary.unlink(missing_ok=True)
-    try:
+    with atomic_path(to) as temporary:
+        temporary.unlink(missing_ok=True)
         try:
             os.link(path, temporary)
         except OSError:  # another file system, or one without hard links
             shutil.copy2(path, temporary)
-        os.replace(temporary, to)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _provenance(sources: Sequence[Dataset]) -> dict[str, Any]:

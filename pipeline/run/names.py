@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -25,8 +25,7 @@ from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
-LAYOUTS = 8
-"""Layouts of a task that are drawn to learn the names of its bodies."""
+LAYOUTS = 8  # layouts of a task that are drawn to learn the names of its bodies
 
 
 def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
@@ -34,6 +33,10 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
 
     Raises RecipeError in one line for a task or robot that does not exist; `flags` names the options that gave keys.
     """
+
+    def where(key: str) -> str:
+        return (flags or {}).get(key) or f"{source}: {key}:"
+
     tasks = expand_tasks(recipe.tasks)
     for task in tasks:
         if task not in TASKS:
@@ -46,20 +49,20 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
     for task in tasks:
         check_task(TASKS[task], source)
-    _check_motions(recipe, {key: (flags or {}).get(key) or f"{source}: {key}:" for key in ("motion", "levels")})
-    _check_arms(recipe, (flags or {}).get("embodiments") or f"{source}: embodiments:")
+    _check_motions(recipe, where)
+    _check_arms(recipe, where("embodiments"))
     check_size(recipe, source)
     _check_links(recipe, source)
     recipe = with_originals(recipe)
-    objects = _check_objects(recipe, (flags or {}).get("objects") or f"{source}: objects:")
+    objects = _check_objects(recipe, where("objects"))
     if recipe.perturb and recipe.corrections is None:
-        where = (flags or {}).get("perturb") or f"{source}: perturb:"
-        raise RecipeError(f"{where} perturbs the robot after a policy has acted: name a policy to correct, too (corrections)")
+        raise RecipeError(
+            f"{where('perturb')} perturbs the robot after a policy has acted: name a policy to correct, too (corrections)"
+        )
     try:
         corrections = named_policy(recipe.corrections) if recipe.corrections else None
     except DominoError as error:
-        where = (flags or {}).get("corrections") or f"{source}: corrections:"
-        raise RecipeError(str(error).replace("--policy", where, 1)) from error
+        raise RecipeError(str(error).replace("--policy", where("corrections"), 1)) from error
     return recipe.model_copy(update={"corrections": corrections, "objects": objects})
 
 
@@ -71,15 +74,15 @@ def named_policy(corrections: Corrections) -> Corrections:
     return Corrections(policy=found.text, label=found.label)
 
 
-def _check_motions(recipe: Recipe, where: Mapping[str, str]) -> None:
+def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for a model of motions that does not exist, or a level that the model of a task does not have."""
     if recipe.motion is not None and recipe.motion not in MODELS:
-        raise RecipeError(f"{where['motion']} no motion {show_value(recipe.motion)}; choose from {', '.join(MODELS)}")
+        raise RecipeError(f"{where('motion')} no motion {show_value(recipe.motion)}; choose from {', '.join(MODELS)}")
     for model in dict.fromkeys(recipe.motion or TASKS[task].motion for task in recipe.tasks):
         known = levels_of(model)
         for level in recipe.levels:
             if level not in known:
-                raise RecipeError(f"{where['levels']} {level} is unknown; {model} has {', '.join(map(str, known))}")
+                raise RecipeError(f"{where('levels')} {level} is unknown; {model} has {', '.join(map(str, known))}")
 
 
 def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:

@@ -1,15 +1,181 @@
-"""`domino-data plan`: what a recipe asks for, what is there, and what the rest will cost. Writes nothing."""
+"""`domino-data plan`: what a recipe asks for, what is there, and what the rest costs in seconds and bytes. Writes nothing."""
 
+import json
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.data.dataset import Dataset
+from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.errors import DominoError
+from pipeline.data.ledger.columns import numbers, parents, single
 from pipeline.data.ledger.entries import Files
-from pipeline.data.recipe.model import Cell, Recipe
-from pipeline.run.cost import Cost, cost_of
+from pipeline.data.recipe.model import Cell, Recipe, Slot
+from pipeline.planning.warm import warm_up
+from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
+from pipeline.run.typical import bytes_of, seconds_of
+from pipeline.world.vulkan import ensure_renderer
+
+SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
+"""Parts of a file by the names of their datasets; what is left are states: poses, joints, instructions and the headers."""
+
+STATES = "states"
+
+
+def parts_of(path: Path) -> dict[str, int]:
+    """Bytes of an episode file by part; their sum is its size. Raises OSError for a file that cannot be read."""
+    found = Counter[str]()
+
+    def add(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        part = SENSORS.get(name.rpartition("/")[2])
+        if part and isinstance(item, h5py.Dataset):
+            found[part] += item.id.get_storage_size()
+
+    try:
+        with open_hdf5(path) as file:
+            file.visititems(add)
+    except (RuntimeError, KeyError, ValueError) as error:  # what h5py makes of damaged metadata
+        raise OSError(f"{path}: {error}") from error
+    return dict(found) | {STATES: path.stat().st_size - found.total()}
+
+
+def mean_parts(paths: Iterable[Path]) -> dict[str, float]:
+    """Mean bytes of an episode by part, over those of the files that can be read; nothing if none can."""
+    found = list[dict[str, int]]()
+    for path in paths:
+        try:
+            found.append(parts_of(path))
+        except OSError:
+            continue
+    names = [name for name in (*SENSORS.values(), STATES) if any(name in parts for parts in found)]
+    return {name: sum(parts.get(name, 0) for parts in found) / len(found) for name in names}
+
+
+def format_size(size: float) -> str:
+    """A number of bytes in words."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"
+
+
+MEASURED = 3  # slots that a measurement makes, besides the first, which pays for what is loaded once
+JUDGED_BY = 2000  # finished episodes of a dataset whose times and sizes stand for all
+LOOKED_AT = 20  # episode files of a dataset that are opened at most to see what their bytes are
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds and bytes that an episode takes, failed attempts included, and where the figures come from.
+
+    `core_seconds` is processor time, where it is known; `parts` the bytes by part (run/py), where files were looked at.
+    """
+
+    seconds: float
+    size: float
+    source: str
+    core_seconds: float | None = None
+    parts: Mapping[str, float] = field(default_factory=dict)
+
+    def core_hours(self, episodes: int) -> float:
+        """Processor time of so many episodes."""
+        return episodes * (self.seconds if self.core_seconds is None else self.core_seconds) / 3600
+
+    def hours(self, episodes: int, workers: int) -> float:
+        """How long so many workers take that each have a core."""
+        return episodes * self.seconds / 3600 / workers
+
+    def describe(self, episodes: int, workers: int) -> str:
+        """About how long and how much, in words."""
+        if not episodes:
+            return "nothing is left to make"
+        minutes = 60 * self.hours(episodes, workers)
+        time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
+        amount = format_size(episodes * self.size)
+        return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (from {self.source})"
+
+
+def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:
+    """What an episode takes by its recipe alone (run/typical.py)."""
+    parts = bytes_of(recipe)
+    return Cost(seconds_of(recipe), sum(parts.values()), source, parts=parts)
+
+
+def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
+    """What the finished episodes of a dataset took, by at most JUDGED_BY of them; `typical` where there is none."""
+    if dataset is None or not dataset.manifest.exists():
+        return typical(recipe)
+    found = dataset.present(dataset.entries(recipe, ("attempts", "phases", "size")))
+    accepted = found.where(found.accepted)
+    accepted = accepted.where(_spread(len(accepted.table), JUDGED_BY))
+    table = accepted.table
+    if not len(table):
+        return typical(recipe)
+    tried = single(table["attempts"])
+    spent = np.bincount(parents(tried), numbers(tried.flatten().field("seconds")), len(table))
+    phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
+    parts = mean_parts(dataset.episode(slot) for slot in accepted.where(_spread(len(table), LOOKED_AT)).slots)
+    known = [size for size in table["size"].to_pylist() if size]
+    size = float(np.mean(known)) if known else typical(recipe).size
+    return Cost(
+        float(np.mean([float(each) or clock for each, (clock, _) in zip(spent, phases, strict=True)])),
+        size,
+        "this dataset",
+        _mean_core([core for _, core in phases]),
+        {name: size * part / sum(parts.values()) for name, part in parts.items()},  # of fewer files, so in their proportions
+    )
+
+
+def _spread(count: int, most: int) -> NDArray[np.bool_]:
+    """Which of so many (N,) are looked at where they are more than `most`: some that lie evenly among them."""
+    chosen = np.zeros(count, bool)
+    chosen[np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int)] = True
+    return chosen
+
+
+def _mean_core(cores: Sequence[float]) -> float | None:
+    """Mean processor time, where it is known of all."""
+    return float(np.mean(cores)) if all(cores) else None
+
+
+def measure(recipe: Recipe) -> Cost:
+    """Make a few episodes of the recipe in a temporary directory, one after another in this process, and measure their cost.
+
+    The cells are spread evenly over the recipe's. Raises NoRenderer without Vulkan.
+    """
+    ensure_renderer()
+    recipe = recipe.model_copy(update={"variants": 1})
+    cells = [cell for cell, count in recipe.counts().items() if count]
+    picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]
+    slots = list(dict.fromkeys([Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))]))
+    warm_up(slots[0].cell.embodiment)
+    with TemporaryDirectory(prefix="domino-plan-") as folder:
+        dataset = Dataset(Path(folder) / "dataset")
+        dataset.create(recipe)
+        made = [(slot, fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version()))) for slot in slots]
+        accepted = {slot: record for slot, record in made[1:] if record.accepted}
+        if not accepted:
+            return typical(recipe, "benchmarks: no measured attempt was accepted")
+        return Cost(
+            float(np.mean([sum(row["seconds"] for row in record.attempts) for record in accepted.values()])),
+            float(np.mean([record.file.size for record in accepted.values()])),
+            f"{len(accepted)} episodes measured now",
+            _mean_core([_by_phase(record.phases)[1] for record in accepted.values()]),
+            mean_parts(dataset.episode(slot) for slot in accepted),
+        )
+
+
+def _by_phase(phases: Mapping[str, float]) -> tuple[float, float]:
+    """Wall-clock and processor seconds of an episode, summed over its phases; of drawing alone if its physics is another's."""
+    core = sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
+    return sum(phases.values()) - core, core
+
 
 BOUNDS = ("tasks", "levels", "episodes", "total")
 """Keys of a recipe of which a command line must give one, unless it names a manifest: the others do not bound a build's length."""
@@ -43,11 +209,7 @@ def plan(
         redo = redone(recipe, held, files.there_of(held, files.listed(held)))
         done = Counter(slot.cell for slot in held.slots)
     cost = cost or cost_of(dataset, recipe)
-    cells = [
-        {"task": c.task, "embodiment": c.embodiment, "level": c.level, "alpha": c.alpha, "domain": c.domain}
-        | {"episodes": count * recipe.variants, "finished": done[c]}
-        for c, count in recipe.counts().items()
-    ]
+    cells = [asdict(c) | {"episodes": count * recipe.variants, "finished": done[c]} for c, count in recipe.counts().items()]
     slots = sum(c["episodes"] for c in cells)
     left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
     return {

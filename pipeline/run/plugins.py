@@ -1,10 +1,8 @@
-"""Extensions from outside the package: tasks, objects, robots, motions, exporters and policies that register themselves when their
-modules are imported.
+"""Extensions from outside the package: tasks, objects, robots, motions, exporters and policies that register themselves.
 
 They are found by entry point (groups GROUPS, each naming a module; those of policies are imported by evaluate/policies.py when one
-is asked for) and in the directories of the environment variable
-DOMINO_PLUGINS, which the option --plugins sets: every module and package at the top of such a directory is imported. Worker
-processes inherit the variable. Workers on other machines are sent a `Snapshot` of the directories.
+is asked for) and in the directories of the environment variable DOMINO_PLUGINS, which the option --plugins sets: every module and
+package at the top of such a directory is imported. Worker processes inherit it; those on other machines are sent a `Snapshot`.
 """
 
 import importlib
@@ -17,6 +15,7 @@ from glob import glob
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
+from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
 from pipeline.data.store.user_cache import user_cache
@@ -24,11 +23,8 @@ from pipeline.data.store.user_cache import user_cache
 ENV = "DOMINO_PLUGINS"
 GROUPS = tuple(f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters"))
 
-VERBS = "domino_data.commands"
-"""Entry points that name functions, each a command of its own."""
-
-_LARGEST = 16 * 2**20
-"""Bytes of a directory of plugins that is sent to other machines."""
+VERBS = "domino_data.commands"  # entry points that name functions, each a command of its own
+_LARGEST = 16 * 2**20  # bytes of a directory of plugins that is sent to other machines
 
 
 class PluginError(DominoError):
@@ -150,10 +146,6 @@ class Snapshot:
         for files in self.files:
             root = (user_cache("plugins") or Path(tempfile.mkdtemp())) / digest([[name, content.hex()] for name, content in files])
             for name, content in files:
-                path = root / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-                temporary.write_bytes(content)
-                temporary.replace(path)
+                write_atomic(root / name, content)
             use_plugins([str(root)])
         load_plugins()

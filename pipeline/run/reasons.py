@@ -1,21 +1,22 @@
 """Failed attempts by reason: how many, what exactly, which conditions did not hold, and what to change first."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from pipeline.data.ledger.columns import codes, mask_of
+from pipeline.data.ledger.records import ATTEMPTS
 from pipeline.stages.hints import hint_of, refusals
 
 if TYPE_CHECKING:  # it imports the simulator
     from pipeline.stages.failure import Failure
 
-EXAMPLES = 6
-"""Conditions named at most."""
+EXAMPLES = 6  # conditions named at most
+_READ = pa.struct([ATTEMPTS.field(name) for name in ("stage", "reason", "detail", "conditions")])
 
 
 @dataclass(frozen=True)
@@ -37,26 +38,14 @@ class Reason:
         return f"{self.attempts} x {self.stage}: {self.reason}{exactly}" + (f"; {self.hint}" if self.hint else "")
 
 
-def row_of(failure: "Failure") -> dict[str, Any]:
-    """The columns of attempts.parquet that `reasons` reads."""
-    return {name: getattr(failure, name) for name in ("stage", "reason", "detail", "conditions")}
-
-
-def reasons(rows: Iterable[Mapping[str, Any]]) -> list[Reason]:
-    """The failed among some rows of attempts.parquet, most frequent reason first."""
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = defaultdict(list)
-    for row in rows:
-        if row["reason"]:
-            groups[row["stage"], row["reason"]].append(row)
-    found = list[Reason]()
-    for (stage, reason), members in groups.items():
-        conditions = Counter(name for row in members for name in row.get("conditions") or ())
-        found.append(_reason(stage, reason, [row.get("detail") or "" for row in members], conditions))
-    return _sort(found)
+def reasons_of(failures: Iterable["Failure"]) -> list[Reason]:
+    """As `reasons_in`, of some failures."""
+    rows = [{name: getattr(failure, name) for name in _READ.names} for failure in failures]
+    return reasons_in(pa.array(rows, _READ))
 
 
 def reasons_in(attempts: pa.StructArray) -> list[Reason]:
-    """As `reasons`, of many attempts: a column of rows with stage, reason, detail and conditions."""
+    """The failed among some attempts, rows with stage, reason, detail and conditions; the most frequent reason first."""
     (of_stage, stages), (of_reason, names) = codes(attempts.field("stage")), codes(attempts.field("reason"))
     failed = np.array([bool(name) for name in (*names, "")])[of_reason]
     found = list[Reason]()
@@ -65,16 +54,12 @@ def reasons_in(attempts: pa.StructArray) -> list[Reason]:
         details = [detail or "" for detail in rows.field("detail").to_pylist()]
         conditions = _count(rows.field("conditions").flatten())
         found.append(_reason(stages[stage] if stage >= 0 else "", names[reason], details, conditions))
-    return _sort(found)
+    return sorted(found, key=lambda r: (-r.attempts, r.stage, r.reason))
 
 
 def _count(values: pa.Array) -> Counter[str]:
     numbered, different = codes(values)
     return Counter(dict(zip(different, np.bincount(numbered, minlength=len(different)).tolist(), strict=True)))
-
-
-def _sort(found: Iterable[Reason]) -> list[Reason]:
-    return sorted(found, key=lambda r: (-r.attempts, r.stage, r.reason))
 
 
 def _reason(stage: str, reason: str, details: Sequence[str], conditions: Counter[str]) -> Reason:

@@ -22,14 +22,6 @@ from pipeline.tasks.contract import Draw, Placement, Region, Task
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects import FAMILIES
 
-TABLES: dict[str, Callable[[], str]] = {}
-
-
-def table[F: Callable[[], str]](make: F) -> F:
-    """Enter a table under the name of its function."""
-    TABLES[make.__name__] = make
-    return make
-
 
 def with_tables(page: str) -> str:
     """The text of a page with every table as it follows from the code now. Raises KeyError for a table that does not exist."""
@@ -49,7 +41,7 @@ def rows(headers: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 def first_paragraph(thing: object) -> str:
     """The first paragraph of a docstring on one line."""
-    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
 
 
 def whole(thing: object) -> str:
@@ -57,19 +49,17 @@ def whole(thing: object) -> str:
     return " ".join((inspect.getdoc(thing) or "").split())
 
 
+class _Text(str):
+    """A text that stands for a default as it is, without quotation marks."""
+
+    __repr__ = str.__str__
+
+
 def signature(name: str, function: Callable[..., Any]) -> str:
     """How a function is called: names of its arguments with their defaults, numbers rounded; neither types nor self."""
-    parts, keyword_only = [], False
-    for p in inspect.signature(function).parameters.values():
-        if p.name == "self":
-            continue
-        if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD):
-            parts.append(("*" if p.kind is p.VAR_POSITIONAL else "**") + p.name)
-            continue
-        if p.kind is p.KEYWORD_ONLY and not keyword_only:
-            parts, keyword_only = [*parts, "*"], True
-        parts.append(p.name if p.default is p.empty else f"{p.name}={plain(p.default)}")
-    return f"`{name}({', '.join(parts)})`"
+    given = [p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values() if p.name != "self"]
+    shown = [p if p.default is p.empty else p.replace(default=_Text(plain(p.default))) for p in given]
+    return f"`{name}{inspect.Signature(shown)}`"
 
 
 def plain(value: object) -> str:
@@ -83,7 +73,6 @@ def plain(value: object) -> str:
     return repr(value)
 
 
-@table
 def skill_functions() -> str:
     """Skills and what they do."""
     every = {name: getattr(skills, name) for name in skills.__all__ if callable(getattr(skills, name))}
@@ -93,14 +82,12 @@ def skill_functions() -> str:
     return rows(("skill", "what it does"), lines)
 
 
-@table
 def outcome_questions() -> str:
     """Questions that success conditions ask."""
     methods = [(n, m) for n, m in vars(Outcome).items() if inspect.isfunction(m) and not n.startswith("_")]
     return rows(("question", "answer"), [(signature(f"o.{n}", m), first_paragraph(m)) for n, m in methods])
 
 
-@table
 def placements() -> str:
     """A placement, its region, and the random choices."""
     lines = [(signature(cls.__name__, cls), whole(cls)) for cls in (Placement, Region)]
@@ -110,7 +97,6 @@ def placements() -> str:
     return rows(("call", "meaning"), lines)
 
 
-@table
 def task_attributes() -> str:
     """Class attributes of a task with their defaults."""
     hints = {name: hint for name, hint in inspect.get_annotations(Task).items() if name != "name"}
@@ -119,7 +105,6 @@ def task_attributes() -> str:
     return rows(("attribute", "default"), [(f"`{name}`", default) for name, default in defaults.items()])
 
 
-@table
 def reasons() -> str:
     """Reasons of failure and what to change."""
     lines = [(f"`{reason}`", hint) for reason, hint in HINTS.items()]
@@ -127,7 +112,6 @@ def reasons() -> str:
     return rows(("reason", "what to change first"), lines)
 
 
-@table
 def families() -> str:
     """Object families with their frames and grasps, of the instance of seed 0."""
     described = listing(sorted(FAMILIES))
@@ -138,7 +122,6 @@ def families() -> str:
     return rows(("family", "size of seed 0 (cm)", "frames", "kinds of grasps"), lines)
 
 
-@table
 def recipe_keys() -> str:
     """Keys of a recipe with their defaults and meaning."""
     return rows(("key", "default", "meaning"), [_recipe_key(name) for name in KEYS])
@@ -171,6 +154,10 @@ def _describe_values(schema: Mapping[str, Any]) -> str:
     if not bounds:
         return ""
     return f" From {bounds[0]:,} to {bounds[1]:,}." if len(bounds) == 2 else f" {bounds[0]:,} or more."
+
+
+MAKERS = (skill_functions, outcome_questions, placements, task_attributes, reasons, families, recipe_keys)
+TABLES: dict[str, Callable[[], str]] = {make.__name__: make for make in MAKERS}
 
 
 def main(paths: Sequence[str]) -> None:

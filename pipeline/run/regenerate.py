@@ -82,9 +82,9 @@ def _make(copy: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord) -> Slot
         return physical
     origin, same = origin_of(recipe.model_copy(update={"variants": 1}), recipe, slot)
     drawn = draw_slot(DrawJob(str(copy.root), str(copy.root), recipe, slot, origin, physical, same, code_version()))
-    if drawn.record is None:
-        raise DatasetError(f"{slot.path}: {drawn.problem}")
-    return drawn.record
+    if isinstance(drawn, str):
+        raise DatasetError(f"{slot.path}: {drawn}")
+    return drawn
 
 
 def _differences(stored: Path, made: Path) -> Iterator[str]:

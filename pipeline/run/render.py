@@ -9,8 +9,6 @@ from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.ledger.files import LedgerWriter
-from pipeline.data.parsing import parse_json
-from pipeline.data.reading import read_regular
 from pipeline.data.recipe.model import Recipe, parse_recipe
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
@@ -81,9 +79,7 @@ def _draw(source: Dataset, out: Dataset, recipe: Recipe, pool: Pool, quiet: bool
     finally:
         ledger.close()
         out.write_attempts(recipe)
-        made_by = _provenance(source)
-        values = provenance(device, recipe) | {"drawn_from": made_by}
-        write_atomic(out.provenance, seal(values))
+        write_atomic(out.provenance, seal(provenance(device, recipe) | {"drawn_from": _provenance(source)}))
     refresh(out, annotation_sheet)
     accepted = out.present(out.entries(recipe, ())).accepted
     return RenderResult(
@@ -96,11 +92,11 @@ def _draw(source: Dataset, out: Dataset, recipe: Recipe, pool: Pool, quiet: bool
     )
 
 
-def _provenance(source: Dataset) -> Any:
+def _provenance(source: Dataset) -> dict[str, Any]:
     """The provenance of the source; empty if its file is missing or damaged, which `verify` reports."""
     try:
-        return parse_json(read_regular(source.provenance))
-    except (OSError, ValueError):
+        return source.made_by()
+    except DatasetError:
         return {}
 
 

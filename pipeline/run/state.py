@@ -21,15 +21,9 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import RecipeKeys
 
-REDO = "episode missing or damaged"
-"""Why a slot is made again whose keys match."""
-
-FOUND = "episode found damaged by verify"
-"""The same of a slot whose episode `verify` has judged."""
-
-GONE = "failed attempt missing"
-"""The same of a slot whose failed attempts are kept."""
-
+REDO = "episode missing or damaged"  # why a slot is made again whose keys match
+FOUND = "episode found damaged by verify"  # the same of a slot whose episode `verify` has judged
+GONE = "failed attempt missing"  # the same of a slot whose failed attempts are kept
 DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "sentences"
 
 
@@ -45,17 +39,10 @@ class SlotState:
     restamp: bool = False
 
 
-@dataclass(frozen=True)
-class _Cases:
-    """Groups of the entries of a recipe's slots: same cell, variant, keys and outcome, so that one state holds for a whole group.
+def _cases(recipe: Recipe, entries: Entries) -> tuple[list[SlotState | None], NDArray[np.int64]]:
+    """The states of groups of the entries (same cell, variant, keys and outcome), and the group of every row (N,).
 
-    `states` apply if the episodes are there; None if the keys cannot be read. `of` (N,) is the group of every row."""
-
-    states: list[SlotState | None]
-    of: NDArray[np.int64]
-
-
-def _cases(recipe: Recipe, entries: Entries) -> _Cases:
+    They hold if the episodes are there; None if the keys cannot be read."""
     keys, accepted = RecipeKeys(recipe), np.array(entries.accepted, bool)
     numbered, texts = codes(entries.table["keys"])
     cases = entries.ranks * (recipe.variants + 1) + np.array(entries.numbers[1], np.int64)
@@ -72,7 +59,7 @@ def _cases(recipe: Recipe, entries: Entries) -> _Cases:
         if state is not None and damaged[first] and state.todo != PHYSICS:
             state = SlotState(PHYSICS, (FOUND,), True)
         states.append(state)
-    return _Cases(states, of)
+    return states, of
 
 
 def _state(state: SlotState | None, there: bool) -> SlotState:
@@ -85,26 +72,24 @@ def _state(state: SlotState | None, there: bool) -> SlotState:
 
 
 def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
-    """Every entry's slot with its state against the keys it would have now, episodes unread.
-
-    `keys` and `stamp` must have been read.
+    """Every entry's slot with its state against the keys it would have now, episodes unread. Needs `keys` and `stamp`.
 
     What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
     only where the recipe keeps failed attempts.
     """
-    files, cases = Files(dataset.episodes), _cases(recipe, entries)
+    files, (cases, of) = Files(dataset.episodes), _cases(recipe, entries)
     there = files.there_of(entries, files.listed(entries))
-    for slot, case, here in zip(entries.slots, cases.of.tolist(), there.tolist(), strict=True):
-        yield slot, _state(cases.states[case], here)
+    for slot, case, here in zip(entries.slots, of.tolist(), there.tolist(), strict=True):
+        yield slot, _state(cases[case], here)
 
 
 def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
     """How many slots, of those that `entries` holds, a build would make again, by what of them and why: as `entry_states` says one
     by one. `keys` and `stamp` must have been read; `there` (N,) says whose episode is there."""
-    cases, found = _cases(recipe, entries), Counter[tuple[str, tuple[str, ...]]]()
+    (cases, of), found = _cases(recipe, entries), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
-        counts = np.bincount(cases.of[there == here], minlength=len(cases.states)).tolist()
-        for state, number in zip(cases.states, counts, strict=True):
+        counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
+        for state, number in zip(cases, counts, strict=True):
             state = _state(state, here)
             if state.todo not in (DONE, OPEN):
                 found[state.todo, state.because] += number
@@ -144,8 +129,7 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: b
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
     """Every slot of a recipe with its state now, episodes unread: whether their bytes are the ledger's is for `read_states`."""
     found, none = dict(entry_states(dataset, recipe, dataset.entries(recipe, ("keys", "stamp")))), SlotState(OPEN)
-    for slot in recipe.slots():
-        yield slot, found.get(slot, none)
+    return ((slot, found.get(slot, none)) for slot in recipe.slots())
 
 
 def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iterator[tuple[Slot, SlotState]]:
@@ -156,18 +140,17 @@ def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iter
     threads as there are cores.
     """
     entries, wanted = dataset.entries(recipe, ("keys", "stamp", "attempts")), list(slots)
-    files, cases = Files(dataset.episodes), _cases(recipe, entries)
+    files, (cases, of) = Files(dataset.episodes), _cases(recipe, entries)
     there = files.there_of(entries, files.listed(entries))
     found, doubtful = dict[Slot, SlotState](), list[tuple[Slot, str]]()
     columns = (entries.table[name].to_pylist() for name in ("sha256", "stamp"))
-    rows = zip(entries.slots, cases.of.tolist(), there.tolist(), files.stamps(entries), *columns, strict=True)
+    rows = zip(entries.slots, of.tolist(), there.tolist(), files.stamps(entries), *columns, strict=True)
     for slot, case, here, stamp, sha256, seen in rows:
-        state = found[slot] = _state(cases.states[case], here)
+        state = found[slot] = _state(cases[case], here)
         if state.accepted and state.todo not in (OPEN, PHYSICS) and (not seen or stamp != seen):
             doubtful.append((slot, sha256))
-    if doubtful:
-        asked = set(wanted)
-        doubtful = [(slot, sha256) for slot, sha256 in doubtful if slot in asked]
+    asked = set(wanted) if doubtful else ()
+    doubtful = [(slot, sha256) for slot, sha256 in doubtful if slot in asked]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
         whole = threads.map(lambda pair: dataset.hashed(*pair), doubtful)
         for (slot, _), same in zip(doubtful, whole, strict=True):

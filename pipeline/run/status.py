@@ -17,9 +17,6 @@ from pipeline.run.names import installed_recipe
 from pipeline.run.reasons import reasons_in
 from pipeline.run.state import redo_rows, redone
 
-KEYS = ("wanted", "accepted", "given_up", "attempts")
-"""What is counted of every cell."""
-
 _READ = ("seed", "outcome", "stage", "reason", "detail", "conditions")
 """Columns of the attempts that are read: what the ledger's entries are judged by, and what the reasons of failures are made of."""
 
@@ -38,31 +35,27 @@ def status(dataset: Dataset) -> dict[str, Any]:
     redo = redone(recipe, entries, files.there_of(entries, listed))
     there = entries.where(listed | ~np.array(entries.accepted, bool))
     tried, accepted = single(there.table["attempts"]), np.array(there.accepted, bool)
-    first = accepted & (np.array(there.numbers[1]) == 0)
     counted = {
         "wanted": [number * recipe.variants for number in recipe.counts().values()],
         "accepted": _by_cell(there, accepted),
         "given_up": _by_cell(there, ~accepted),
         "attempts": _by_cell(there, lengths(tried)),
-        "solved": _by_cell(there, first),
     }
-    cells = {cell.path: {name: counts[rank] for name, counts in counted.items()} for rank, cell in enumerate(there.cells)}
     total = {name: sum(counts) for name, counts in counted.items()}
-    summary = {key: total[key] for key in KEYS}
-    rate = total["solved"] / total["attempts"] if total["attempts"] else None
+    solved = int((accepted & (np.array(there.numbers[1]) == 0)).sum())
     failures = reasons_in(tried.flatten())
     by_reason = Counter[str]()
     for failure in failures:
         by_reason[failure.reason] += failure.attempts
-    return summary | {
+    return total | {
         "open": total["wanted"] - total["accepted"] - total["given_up"],
-        "attempt_success": rate,
+        "attempt_success": solved / total["attempts"] if total["attempts"] else None,
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
         "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
         "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stops_in(dataset, recipe)],
         "redo": redo_rows(redo),
-        "cells": {path: {key: count[key] for key in KEYS} for path, count in cells.items()},
+        "cells": {cell.path: {name: counts[rank] for name, counts in counted.items()} for rank, cell in enumerate(there.cells)},
     }
 
 

@@ -11,38 +11,19 @@ from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.tasks import TASKS
 
-NATIVE = 320 * 240
-"""Pixels to which the figures below refer."""
-
-SHARE = 0.2
-"""Length of an episode as a share of its task's step limit."""
-
-STATES = (95_000, 4300)
-"""Bytes of what is no image: of an episode, and of each frame."""
-
+NATIVE = 320 * 240  # pixels to which the figures below refer
+SHARE = 0.2  # length of an episode as a share of its task's step limit
+STATES = (95_000, 4300)  # bytes of what is no image: of an episode, and of each frame
 IMAGES = {"images": (20_000, 0.74), "depth": (7100, 0.77), "segmentation": (870, 0.77)}
 """Bytes of one frame of one camera of NATIVE pixels, and the power of the pixels with which they grow."""
 
-CLOUD = 10_800
-"""Bytes of a point cloud."""
-
-RANDOMIZED = 1.125
-"""Times as many bytes of images in the randomized domain."""
-
-PHYSICS = 1.3
-"""Core seconds of an accepted episode without images, failed attempts included."""
-
-DRAWING = (0.0015, 0.0032)
-"""Core seconds of a frame of a camera: what every image takes, and what NATIVE pixels take."""
-
-SENSORS = 1.5
-"""Times as many seconds of drawing with depth, segmentation or point clouds."""
-
-SLOWER = {"raster": 1.0, "raster-fast": 0.7, "rt": 100.0}
-"""Times as many seconds of drawing by preset."""
-
-WRITTEN = 15e6
-"""Bytes that are compressed and written in a second."""
+CLOUD = 10_800  # bytes of a point cloud
+RANDOMIZED = 1.125  # times as many bytes of images in the randomized domain
+PHYSICS = 1.3  # core seconds of an accepted episode without images, failed attempts included
+DRAWING = (0.0015, 0.0032)  # core seconds of a frame of a camera: what every image takes, and what NATIVE pixels take
+SENSORS = 1.5  # times as many seconds of drawing with depth, segmentation or point clouds
+SLOWER = {"raster": 1.0, "raster-fast": 0.7, "rt": 100.0}  # times as many seconds of drawing by preset
+WRITTEN = 15e6  # bytes that are compressed and written in a second
 
 
 def frames(recipe: Recipe, cell: Cell) -> float:

@@ -13,24 +13,19 @@ from pipeline.data.setup import Setup
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Pose, quat_rotate, transform
+from pipeline.report.contact_sheet import encode
 from pipeline.stages.failure import Failure
 from pipeline.stages.render import appearance_of, render
 from pipeline.stages.scene import Scene
 from pipeline.world.cameras import wanted_cameras
 
-JUDGED = 12
-"""Wanted poses, evenly spread over all, around which a reachable one is looked for."""
-
+JUDGED = 12  # wanted poses, evenly spread over all, around which a reachable one is looked for
 DISTANCES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
 """Metres from a wanted pose that are tried, nearest first."""
 
 SIZE = (640, 480)
-AXIS = 0.07
-"""Length (m) of the axes that are drawn at a pose."""
-
-BEHIND = 0.05
-"""Points (m) nearer to the camera than this are not drawn."""
-
+AXIS = 0.07  # length (m) of the axes that are drawn at a pose
+BEHIND = 0.05  # points (m) nearer to the camera than this are not drawn
 WANTED, NEAREST = (230, 30, 30), (20, 200, 60)
 AXES = ((255, 60, 60), (60, 220, 60), (70, 120, 255))
 
@@ -107,8 +102,7 @@ def draw(found: Unreached, scene: Scene, failure: Failure, path: Path) -> None:
     bar = np.full((22 * len(words) + 10, sum(image.shape[1] for image in images), 3), 255, np.uint8)
     for row, (line, color) in enumerate(zip(words, (WANTED, NEAREST), strict=False)):
         cv2.putText(bar, line, (8, 20 + 22 * row), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv2.LINE_AA)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(path, _png(np.vstack([np.hstack(images), bar])))
+    write_atomic(path, encode(np.vstack([np.hstack(images), bar]), ".png"))
 
 
 def _draw_axes(view: View, found: Unreached) -> NDArray[np.uint8]:
@@ -126,10 +120,6 @@ def _draw_axes(view: View, found: Unreached) -> NDArray[np.uint8]:
             cv2.line(image, origin, tip, axis, 2, cv2.LINE_AA)
         cv2.circle(image, origin, 7, color, 2, cv2.LINE_AA)
     return image
-
-
-def _png(image: NDArray[np.uint8]) -> bytes:
-    return cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1].tobytes()
 
 
 def _place(tcp: Pose) -> str:

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.run.doctor.result import Result
+from pipeline.run.doctor.machine import Result
 
 GOOD = Result("python", "PASS", "Python 3.12.1")
 WEAK = Result("torchcodec", "WARN", "finds no FFmpeg", "apt install ffmpeg")

@@ -2,9 +2,9 @@
 
 import pytest
 
+from pipeline.commands.build import with_looks
 from pipeline.commands.common import UsageError
 from pipeline.commands.options import EVERY, cameras_of, parse_value
-from pipeline.commands.render import with_looks
 from pipeline.data.recipe.model import Recipe
 
 

@@ -85,7 +85,7 @@ def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_d
     names = {"head_camera": "cam_high", "left_camera": "cam_left_wrist", "right_camera": "cam_right_wrist"}
     with reading(path) as file:
         facts = read_facts(file, tmp_path)
-        assert not [found.problem for found in check_arrays("it", file) if found.problem]
+        assert not [found.problem for found in check_arrays(file) if found.problem]
         plan = Plan(15, names, {}, (), (), facts.corrected)
         table = episode_table(0, facts, file, plan, tmp_path)
     lerobot = data_columns(facts, names, 0, 0, 0)
@@ -101,5 +101,5 @@ def test_an_expert_action_that_was_not_executed_is_found(tmp_path):
     with h5py.File(path, "r+") as file:
         file["expert_action"][4, 0] += 0.1
     with reading(path) as file:
-        found = [finding.problem for finding in check_arrays("it", file) if finding.problem]
-    assert found == ["it: intervention is not what expert_action and joint_action/vector say"]
+        found = [finding.problem for finding in check_arrays(file) if finding.problem]
+    assert found == ["intervention is not what expert_action and joint_action/vector say"]

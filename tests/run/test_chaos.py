@@ -9,7 +9,7 @@ from benchmarks.chaos.harness import Fresh, damage
 from benchmarks.chaos.traps import Control
 from pipeline.data.dataset import Dataset
 from pipeline.run.names import recipe_from
-from pipeline.run.sizes import mean_parts
+from pipeline.run.plan import mean_parts
 from tests.run.command import temporaries
 
 RECIPE = recipe_from({"tasks": ["click_bell", "stamp_seal"], "embodiments": "aloha", "levels": [1], "episodes": 5, "attempts": 8})

@@ -11,9 +11,8 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.run.cost import Cost, cost_of, typical
-from pipeline.run.engine.progress import JsonLines, Progress, Tally
-from pipeline.run.plan import BOUNDS, Unbounded, check_bounded, plan
+from pipeline.run.engine.progress import Bar, JsonLines, Progress
+from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, plan, typical
 from pipeline.run.typical import mean_frames
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.synthetic import CAMERAS, make_episode
@@ -99,7 +98,7 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
 
 
 def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.run.cost.LOOKED_AT", 1)
+    monkeypatch.setattr("pipeline.run.plan.LOOKED_AT", 1)
     dataset = Dataset(tmp_path)
     dataset.create(RECIPE)
     for slot, frames in zip(RECIPE.slots(), (4, 16), strict=False):
@@ -126,18 +125,14 @@ def test_an_estimate_is_said_in_round_figures(seconds, episodes, workers, said):
 
 def test_progress_as_json_lines_counts_what_changed():
     out, clock = io.StringIO(), iter([100.0, 100.0, 110.0, 110.0, 130.0])
-    tally = Tally(wanted=10, done=4)
-    lines = JsonLines(tally, out, lambda: next(clock))
-    tally.add([attempt_row(0, "failed"), attempt_row(1)])
-    lines.show(tally, "slot", {"task": "click_bell", "slot": 4})
-    tally.workers_lost += 1
-    lines.show(tally, "worker_lost", {})
+    lines = JsonLines(10, 4, out, lambda: next(clock))
+    lines.add([attempt_row(0, "failed"), attempt_row(1)])
+    lines.count_lost()
     lines.show_activity("compiling")
-    tally.add([attempt_row(0, "failed"), attempt_row(1, "failed")])
-    lines.show(tally, "slot", {"task": "click_bell", "slot": 5})
+    lines.add([attempt_row(0, "failed"), attempt_row(1, "failed")])
     start, slot, lost, note, last = map(json.loads, out.getvalue().splitlines())
     assert (start["event"], start["wanted"], start["done"], start["eta_seconds"]) == ("start", 10, 4, None)
-    assert (slot["task"], slot["slot"], slot["done"], slot["accepted"], slot["attempts"]) == ("click_bell", 4, 5, 1, 2)
+    assert (slot["task"], slot["slot"], slot["done"], slot["accepted"], slot["attempts"]) == ("click_bell", 0, 5, 1, 2)
     # one slot in 10 s, of which five are left
     assert (slot["elapsed_seconds"], slot["episodes_per_hour"], slot["eta_seconds"]) == (10.0, 360.0, 50.0)
     assert (lost["event"], lost["workers_lost"]) == ("worker_lost", 1)
@@ -150,13 +145,13 @@ def test_progress_as_json_lines_counts_what_changed():
 
 
 def test_the_bar_says_what_goes_on_before_the_first_episode(capsys):
-    progress = Progress(3, 0)
+    progress = Bar(3, 0)
     progress.write_line("3 episodes to make")
     progress.show_activity("starting 2 workers")
     progress.close()
     err = capsys.readouterr().err
     assert err.index("3 episodes to make") < err.index("starting 2 workers")
-    quiet = Progress(3, 0, "none")
+    quiet = Progress(3, 0)
     quiet.write_line("3 episodes to make")
     quiet.show_activity("starting 2 workers")
     quiet.close()

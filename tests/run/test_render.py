@@ -28,7 +28,7 @@ from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.status import status
-from pipeline.run.verify import verify
+from pipeline.run.verify.dataset import verify
 from pipeline.stages.redraw import facing
 from tests.export.running import run as run_export
 from tests.run.command import inside, start

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline.run.identity import sources
+from pipeline.run.identity import code_parts, sources
 from pipeline.tasks import TASKS
 from tests.run.command import inside
 from tests.run.identity.test_slot_keys import CODE, forget
@@ -30,8 +30,9 @@ def tree(tmp_path, monkeypatch):
 def forget_sources():
     """Make this process read all sources again, as a new one would."""
     forget()
-    sources.source.cache_clear()
-    sources._closure.cache_clear()
+    own = (code_parts._core, code_parts._files_hash, code_parts._language, code_parts._looks)
+    for cached in (sources.source, sources._closure, *own):
+        cached.cache_clear()
 
 
 def say(*commands):

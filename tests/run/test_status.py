@@ -11,7 +11,7 @@ from pipeline.data.keys import Key
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
-from pipeline.run.reasons import reasons, reasons_in
+from pipeline.run.reasons import reasons_in
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, entry_states, read_states, states
 from pipeline.run.status import status
 
@@ -92,7 +92,7 @@ def test_status_is_the_sum_over_the_slots(dataset):
     assert found["wanted"] == 160 and found["open"] == 160 - len(records)
     rows = [row for record in records.values() for row in record.attempts]
     assert found["reasons"] == dict(Counter(row["reason"] for row in rows if row["reason"]))
-    assert found["failures"] == [vars(reason) for reason in reasons(rows)]
+    assert {(f["stage"], f["reason"]): (f["attempts"], f["conditions"]) for f in found["failures"]} == counted(rows)
     solved = sum(record.accepted for slot, record in records.items() if not slot.variant)
     assert found["attempt_success"] == solved / len(rows)
     redo = Counter()
@@ -125,6 +125,19 @@ def test_states_of_single_slots(dataset):
     assert len(read) == 160
 
 
-def test_reasons_of_a_column_are_those_of_the_rows(dataset):
+def counted(rows):
+    """Attempts, and how many of them did not fulfil each condition, by stage and reason."""
+    found = {}
+    for row in rows:
+        if row["reason"]:
+            attempts, conditions = found.get((row["stage"], row["reason"]), (0, Counter()))
+            found[row["stage"], row["reason"]] = attempts + 1, conditions + Counter(row.get("conditions"))
+    return found
+
+
+def test_reasons_are_counted_over_the_rows(dataset):
     table = dataset.entries(RECIPE, ("attempts",)).attempts()
-    assert reasons_in(table.to_struct_array().combine_chunks()) == reasons(table.to_pylist())
+    found = reasons_in(table.to_struct_array().combine_chunks())
+    assert {(r.stage, r.reason): (r.attempts, r.conditions) for r in found} == counted(table.to_pylist())
+    assert [r.attempts for r in found] == sorted((r.attempts for r in found), reverse=True)
+    assert reasons_in(table.slice(0, 0).to_struct_array().combine_chunks()) == []

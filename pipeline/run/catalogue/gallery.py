@@ -1,10 +1,9 @@
 """Images of object families, drawn as the dataset draws them: a self-contained HTML page, with frames and grasps marked."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +11,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.html import render_page
 from pipeline.poses import Pose, compose, pose, quat_about
+from pipeline.report.contact_sheet import encode
 from pipeline.world.body import TABLE_TOP
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp
 from pipeline.world.objects.geometry import at, box, cylinder
@@ -24,38 +24,30 @@ Part = tuple[Mesh, Material]
 
 ON_TABLE = pose((0, 0, TABLE_TOP))
 AXES = ((0.9, 0.1, 0.1), (0.1, 0.75, 0.1), (0.15, 0.3, 1.0))
+JAWS = (0.1, 0.9, 0.9)
+MARKED = 5  # grasps of an instance that are drawn at most
 FIELD_OF_VIEW = 30.0  # degrees, vertical
 
 
-@dataclass(frozen=True)
-class Exhibit:
-    """One instance on the page: JPEG bytes of its images and lines of notes."""
-
-    images: Sequence[bytes]
-    notes: Sequence[str]
-
-
-def axes(frame: Pose, length: float = 0.02) -> list[Part]:
+def axes(frame: Pose, length: float) -> list[Part]:
     """Red, green and blue bars along x, y and z of a frame."""
     turns = (quat_about((0, 1, 0), np.pi / 2), quat_about((1, 0, 0), -np.pi / 2), (1, 0, 0, 0))
     bar = cylinder(length / 16, length, 6)
     return [(bar.moved(compose(frame, pose((0, 0, 0), q))), Material(c, 0.9)) for q, c in zip(turns, AXES, strict=True)]
 
 
-def jaws(grasp: Grasp, colour: tuple[float, float, float] = (0.1, 0.9, 0.9)) -> list[Part]:
+def jaws(grasp: Grasp) -> list[Part]:
     """A thin fork: two fingers `width` apart that open towards +x of the tcp, reaching 12 mm past it."""
     gap = grasp.width / 2 + 0.0015
     pieces = [at(box(0.018, 0.0012, 0.0012), (-0.006, y, 0)) for y in (-gap, gap)]
     pieces += [at(box(0.0012, gap, 0.0012), (-0.024, 0, 0)), at(box(0.010, 0.0012, 0.0012), (-0.034, 0, 0))]
-    return [(m.moved(grasp.pose), Material(colour, 0.9)) for m in pieces]
+    return [(m.moved(grasp.pose), Material(JAWS, 0.9)) for m in pieces]
 
 
-def portrait(
-    instance: Family, marks: bool = False, size: tuple[int, int] = (320, 240), grasps: int = 5, preset: str = "raster-smooth"
-) -> Image:
+def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320, 240), preset: str = "raster-smooth") -> Image:
     """Picture (H,W,3) uint8 RGB of one instance on the table, seen from the robot's side and filling the frame.
 
-    With `marks`, its frames and up to `grasps` of its grasps are drawn. Raises NoRenderer if nothing can draw.
+    With `marks`, its frames and up to MARKED of its grasps are drawn. Raises NoRenderer if nothing can draw.
     """
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
@@ -66,33 +58,25 @@ def portrait(
         frames = instance.frames()
         for p in frames.points.values():
             parts += axes(p, 0.04 * distance)
-        for k in np.linspace(0, len(frames.grasps) - 1, min(grasps, len(frames.grasps))).astype(int):
+        for k in np.linspace(0, len(frames.grasps) - 1, min(MARKED, len(frames.grasps))).astype(int):
             parts += jaws(frames.grasps[k])
     camera = Camera("portrait", CameraType(*size, FIELD_OF_VIEW), None, look(eye, -away, np.cross((0, 0, 1), -away)))
     with Renderer({"thing": parts}, (), [camera], CLEAN, preset) as renderer:
         return renderer.render({"thing": ON_TABLE[None]})[0].rgb[0]
 
 
-def write_gallery(
-    path: Path | str, families: Sequence[str] | None = None, per_family: int = 6, size: tuple[int, int] = (240, 180)
-) -> None:
+def write_gallery(path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)) -> None:
     """Write one HTML page: for every family, instances of seeds 0.. with words, plain and with frames and grasps marked. The folder
-    of the page is made where there is none.
-
-    Raises KeyError, naming the families, for an unknown one, and NoRenderer if nothing can draw.
+    of the page is made where there is none. Raises NoRenderer if nothing can draw.
     """
-    names = list(FAMILIES) if families is None else list(families)
-    unknown = [n for n in names if n not in FAMILIES]
-    if unknown:
-        raise KeyError(f"no object family {unknown[0]!r}; families are {', '.join(sorted(FAMILIES))}")
     # before the drawing, which takes seconds
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     exhibits = {
         name: [_exhibit(FAMILIES[name].draw(np.random.Generator(np.random.Philox(k))), size) for k in range(per_family)]
-        for name in names
+        for name in families
     }
     page = render_page("pipeline.run.catalogue", "gallery.html", families=exhibits, width=size[0])
-    Path(path).write_text(page, encoding="utf-8")
+    path.write_text(page, encoding="utf-8")
 
 
 def write_portrait(name: str, path: Path) -> None:
@@ -100,24 +84,17 @@ def write_portrait(name: str, path: Path) -> None:
 
     Raises NoRenderer where nothing can draw.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     one = FAMILIES[name].draw(np.random.Generator(np.random.Philox(0)))
     both = np.concatenate([portrait(one, marks) for marks in (False, True)], axis=1)
-    write_atomic(path, cv2.imencode(".png", both[..., ::-1])[1].tobytes())
+    write_atomic(path, encode(both, ".png"))
 
 
-def _exhibit(instance: Family, size: tuple[int, int]) -> Exhibit:
+def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
+    """One instance on the page: JPEG bytes of its images and lines of notes."""
     frames = instance.frames()
     notes = (
         ", ".join(instance.words().seen[-2:]),
         f"frames: {', '.join(frames.points)}",
         f"grasps: {', '.join(sorted({g.kind for g in frames.grasps}))}",
     )
-    return Exhibit([_jpeg(portrait(instance, marks, size)) for marks in (False, True)], notes)
-
-
-def _jpeg(image: Image) -> bytes:
-    done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
-    if not done:
-        raise ValueError("the image could not be encoded as JPEG")
-    return data.tobytes()
+    return {"images": [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)], "notes": notes}

@@ -40,7 +40,8 @@ def reach(arm: Arm) -> float:
     The best of a fixed sample of configurations, improved joint by joint. Neither table nor self-collision is looked at, and the
     tcp lies between the fingers: a data sheet that measures to the flange or from the foot says another number.
     """
-    shoulder = _shoulder(arm)
+    first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
+    shoulder = arm_poses(arm, arm.home)[first.child][:3]  # which no joint moves
 
     def distance(q: np.ndarray) -> np.ndarray:
         poses = link_poses(arm, dict(zip(arm.arm_joints, q.T, strict=True)))
@@ -55,9 +56,3 @@ def reach(arm: Arm) -> float:
             rows[1:, i] = np.linspace(lower[i], upper[i], REACH_STEPS)
             best = rows[np.argmax(distance(rows))]
     return float(distance(best[None])[0])
-
-
-def _shoulder(arm: Arm) -> np.ndarray:
-    """World position (3,) of the first joint's origin, which no joint moves."""
-    first = next(j for j in arm.joints if j.name == arm.arm_joints[0])
-    return arm_poses(arm, arm.home)[first.child][:3]

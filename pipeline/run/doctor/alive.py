@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.run.doctor.machine import driver_advice
-from pipeline.run.doctor.result import Result
+from pipeline.run.doctor.machine import Result, driver_advice
 
 FRAME = """
 import json, time
@@ -35,8 +34,7 @@ print(json.dumps({"answer": answer, "seconds": seconds}))
 """
 
 SOFTWARE = ("llvmpipe", "swiftshader")
-PATIENCE = 150
-"""Seconds; the first frame on a CPU takes about three, Ray about four."""
+PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
 
 
 def attempt(code: str, command: Sequence[str] = (sys.executable, "-c")) -> dict[str, Any] | str:

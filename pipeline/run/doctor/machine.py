@@ -1,21 +1,31 @@
-"""The machine: Python, disk, memory, shared memory, and how a Vulkan driver is installed here. Nothing is imported or started."""
+"""What an examination finds, and the machine: Python, disk, memory, shared memory, and how a Vulkan driver is installed here."""
 
 import platform
 import shutil
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from pipeline.run.doctor.result import Result
+Verdict = Literal["PASS", "WARN", "FAIL"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """`verdict` FAIL: nothing can be built; WARN: something that not everybody needs does not work. `fix` says how to mend it."""
+
+    name: str
+    verdict: Verdict
+    detail: str
+    fix: str = ""
+
 
 PYTHON = (3, 12)
 GB = 1e9
 LEAST_DISK, ENOUGH_DISK = 1 * GB, 10 * GB
-WORKER_BYTES = 0.6 * GB
-"""Resident memory of one worker (docs/cluster.md)."""
-
-STORE_BYTES = 0.1 * GB
-"""Shared memory of Ray's object store, rounded up."""
+WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
+STORE_BYTES = 0.1 * GB  # shared memory of Ray's object store, rounded up
 
 
 def check_python(version: tuple[int, ...] = tuple(sys.version_info[:3]), machine: str = platform.machine()) -> Result:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from importlib import metadata
 
-from pipeline.annotate.models import resolve
+from pipeline.annotate.models import ALIASES, resolve
 from pipeline.annotate.options import FeatureOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.run.doctor.result import Result
+from pipeline.run.doctor.machine import Result
+from pipeline.run.identity.sources import installed_version
 
 CV2 = "opencv-python-headless"
 EXTRAS = {
@@ -50,11 +51,7 @@ def missing_by_extra(requirements: Iterable[str], installed: Callable[[str], boo
 
 def is_installed(name: str) -> bool:
     """Whether a package is there."""
-    try:
-        metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
+    return bool(installed_version(name))
 
 
 def check_extras(missing: Mapping[str, Sequence[str]]) -> list[Result]:
@@ -120,17 +117,11 @@ def check_weights(names: Sequence[str] | None = None) -> list[Result]:
         try:
             files = resolve(name, download=False)
         except AnnotateError as error:
-            fix = f"hf download {_hub(name)}; --mask-source sim needs no weights"
+            fix = f"hf download {ALIASES.get(name, name)}; --mask-source sim needs no weights"
             found.append(Result(f"weights {name}", "WARN", _line(error), fix))
         else:
             found.append(Result(f"weights {name}", "PASS", files.path))
     return found
-
-
-def _hub(name: str) -> str:
-    from pipeline.annotate.models import ALIASES
-
-    return ALIASES.get(name, name)
 
 
 def _line(error: object) -> str:

@@ -1,6 +1,7 @@
-"""The engine's contract: the workers, the ways in which a job ends, and the limits of a worker."""
+"""The engine's contract: the workers, the ways in which a job ends, the limits of a worker, and whose fault a lost one is."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -85,3 +86,30 @@ def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
     if name == "auto":
         name = "inline" if count == 1 else "ray"
     return name, 1 if name == "inline" else count
+
+
+class Strikes:
+    """A try that takes two workers with it is out; `most` different jobs in a row that lose their worker end the run."""
+
+    def __init__(self, workers: int) -> None:
+        self._most = 4 + 4 * workers
+        self._count: Counter[Hashable] = Counter()
+        self._in_a_row: set[Hashable] = set()
+
+    def count_loss(self, job: Hashable, trying: Hashable = None) -> bool:
+        """Count a worker lost on a job, while `trying` one of several ways to do it; true for the second loss on the same try.
+
+        Raises EngineError if no job ends at all: recording them all as failed would blame the wrong thing.
+        """
+        self._in_a_row.add(job)
+        if len(self._in_a_row) >= self._most:
+            lost = len(self._in_a_row)
+            raise EngineError(
+                f"{lost} jobs in a row lost their worker, none ended: is there memory for so many workers (--workers)?"
+            )
+        self._count[job, trying] += 1
+        return self._count[job, trying] >= 2
+
+    def clear(self) -> None:
+        """Note that a job ended well."""
+        self._in_a_row.clear()

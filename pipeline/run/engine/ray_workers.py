@@ -24,8 +24,7 @@ from pipeline.run.plugins import Snapshot
 
 _START_SECONDS = 300.0
 """What a new worker may take before it can be given a job: a place on the cluster, a process, imports."""
-_STARTS = 3
-"""Workers in a row that may fail to start, while none is at work, before the run is given up."""
+_STARTS = 3  # workers in a row that may fail to start, while none is at work, before the run is given up
 _POLL_SECONDS = 0.5
 _GONE_SECONDS = 10.0
 _PR_SET_PDEATHSIG = 1
@@ -38,11 +37,11 @@ def run_on_ray[J, R](
     """As `engine.run`, for a pool of Ray workers."""
     with session(pool):
         plugins = Snapshot.taken() if pool.address else Snapshot()  # workers of this machine inherit the directories
-        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), Entry(check, plugins))
-        with _daemons(pool) as daemons:
+        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), check, plugins)
+        with _daemons(pool) as check_daemons:
             try:
                 while jobs or crew.at_work:
-                    daemons.check()
+                    check_daemons()
                     crew.hire(min(pool.workers, len(jobs) + crew.at_work))
                     crew.hand_out(jobs)
                     yield from crew.ends()
@@ -64,52 +63,38 @@ def _share(pool: Pool, gpus: bool) -> float:
     return pool.gpus
 
 
-class _Daemons:
-    """Ray's own processes where this process has started them. Without one of them, calls to Ray wait for minutes or forever."""
+@contextmanager
+def _daemons(pool: Pool) -> Iterator[Callable[[], None]]:
+    """What raises EngineError once the raylet or the control service below this process has ended: calls to Ray wait for minutes
+    or forever then. Only where they are this run's: nodes of a cluster may come and go."""
+    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in find_children(os.getpid(), name)]
+    names, poll = {os.pidfd_open(pid): name for name, pid in found}, select.poll()
+    for descriptor in names:
+        poll.register(descriptor, select.POLLIN)
 
-    def __init__(self, names: dict[int, str]) -> None:
-        self._names, self._poll = names, select.poll()
-        for descriptor in names:
-            self._poll.register(descriptor, select.POLLIN)
-
-    def check(self) -> None:
-        """Raise EngineError if a process has ended."""
-        for descriptor, _ in self._poll.poll(0):
-            name = self._names[descriptor]
+    def check() -> None:
+        for descriptor, _ in poll.poll(0):
+            name = names[descriptor]
             raise EngineError(f"Ray's {name} has ended (killed, or no memory left?); rerun the same command to resume")
 
-
-@contextmanager
-def _daemons(pool: Pool) -> Iterator[_Daemons]:
-    """The raylet and the control service below this process, where they are this run's; nodes of a cluster may come and go."""
-    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in find_children(os.getpid(), name)]
-    names = {os.pidfd_open(pid): name for name, pid in found}
     try:
-        yield _Daemons(names)
+        yield check
     finally:
         for descriptor in names:
             os.close(descriptor)
 
 
-@dataclass(frozen=True)
-class Entry:
-    """What a worker does before it works: it loads plugins, and checks its machine."""
-
-    check: Check | None
-    plugins: Snapshot
-
-
 class _Process:
     """What runs inside a Ray actor."""
 
-    def begin(self, make: Callable[[], Callable[[Any], Any]], entry: Entry) -> "_Place":
-        """Look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
+    def begin(self, make: Callable[[], Callable[[Any], Any]], check: Check | None, plugins: Snapshot) -> "_Place":
+        """Load plugins, look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
         # the kernel ends this process with its parent, the raylet, which ends with the driver: even one that hangs or is stopped
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
         try:
-            entry.plugins.load()
-            facts = dict(entry.check()) if entry.check is not None else {}
+            plugins.load()
+            facts = dict(check()) if check is not None else {}
         except DominoError as error:
             raise EngineError(f"node {name}: {error}") from None
         self._work = make()
@@ -151,8 +136,10 @@ class _Worker[J]:
 class _Crew[J, R]:
     """The workers of one run."""
 
-    def __init__(self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, entry: Entry) -> None:
-        self._make, self._limit, self._recycle, self._entry = make, limit, recycle, entry
+    def __init__(
+        self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, check: Check | None, plugins: Snapshot
+    ) -> None:
+        self._limit, self._recycle, self._begin = limit, recycle, (make, check, plugins)
         self._first: _Place | None = None
         self._actor: Any = ray.remote(num_cpus=1, num_gpus=gpus, max_restarts=0, scheduling_strategy="SPREAD")(_Process)
         self._node = ray.get_runtime_context().get_node_id()
@@ -170,7 +157,7 @@ class _Crew[J, R]:
         """Start workers until there are so many."""
         for _ in range(wanted - len(self._busy) - len(self._idle)):
             worker = _Worker[J](self._actor.remote())
-            self._busy[worker.actor.begin.remote(self._make, self._entry)] = worker
+            self._busy[worker.actor.begin.remote(*self._begin)] = worker
 
     def hand_out(self, jobs: deque[J]) -> None:
         """Give jobs to workers that have none."""

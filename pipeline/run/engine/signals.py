@@ -19,8 +19,7 @@ class Stopped(KeyboardInterrupt):
 def stop_on_signal() -> Iterator[None]:
     """Within, the first SIGINT or SIGTERM raises Stopped; later ones are ignored, so that cleaning up is not cut short.
 
-    Where Python drops the exception, because it was raised in the callback of a weak reference or in a finalizer, the signal is
-    sent once more.
+    Where Python drops the exception, because it was raised in the callback of a weak reference or a finalizer, it is sent again.
     """
     asked = False
     dropped = sys.unraisablehook

@@ -2,10 +2,8 @@
 
     $XDG_CACHE_HOME/domino-data/code/<fingerprint of the code>/<hash of the question>.json
 
-Answers are functions of the code alone and stand below its fingerprint (run/identity/sources.py): after an edit, nothing is
-found there.
-Nothing depends on the cache. A file that is missing, damaged or unreadable, and a cache that cannot be written, only cost the time
-to find out again; it may be deleted at any time, and all but the versions of the code that were last new are.
+Answers are functions of the code alone, whose fingerprint (run/identity/sources.py) an edit changes. Nothing depends on the cache:
+a file that is missing or damaged only costs the time to find out again, and old versions of the code are deleted.
 """
 
 import json
@@ -23,16 +21,9 @@ from pipeline.data.store.user_cache import user_cache
 from pipeline.run.identity import sources
 
 _PACKAGE = Path(__file__).parents[2]
-
-KEPT = 4
-"""Versions of the code whose answers are kept."""
-
-_FILES = "pipeline.world.objects.from_files"
-"""The module of objects from files, which are outside of the package."""
-
-_NO_ANSWER = (OSError, ValueError, TypeError, LookupError, RecursionError)
-"""What reading a file raises that is no answer."""
-
+KEPT = 4  # versions of the code whose answers are kept
+_FILES = "pipeline.world.objects.from_files"  # the module of objects from files, which are outside of the package
+_NO_ANSWER = (OSError, ValueError, TypeError, LookupError, RecursionError)  # what reading a file raises that is no answer
 _REGISTRIES = (
     *(("pipeline.tasks.contract", "TASKS"), ("pipeline.world.objects.contract", "FAMILIES")),
     ("pipeline.motion.models", "MODELS"),

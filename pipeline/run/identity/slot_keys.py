@@ -1,14 +1,9 @@
 """The keys of a slot: what can change its physics, its images and its sentences.
 
-`physics`: the slot and the recipe's parameters, the core (everything that the three stages import), the sources of this task, of
-its object families and of this robot, and the versions of the packages whose numbers matter; for corrections of a policy, its label
-and the code by which policies act. `render`, on top of it: preset,
-cameras, sensors and visuals, the renderer with its shaders, and the modules that only give things their look. `language`, on top
-of the physics: templates, descriptions of the task's object families and grammar. An episode drawn again from its state log keeps
-the physics, the looks and the language that it had: `redrawn_keys` needs neither its task nor its robot.
-
-What of it the code decides comes from run/identity/code_parts.py, which imports every task, robot and object, or
-from what that found before (run/identity/code_memo.py).
+`physics`: the slot, the recipe's parameters, and the code's part of it; for corrections of a policy, its label and the code by
+which policies act. `render`, on top of it: preset, cameras, sensors, visuals, and what draws and gives things their look.
+`language`, on top of the physics: the code's part of it. What the code decides comes from run/identity/code_parts.py, which imports
+every task, robot and object, or from what that found before (run/identity/code_memo.py).
 """
 
 from contextlib import suppress

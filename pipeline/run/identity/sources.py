@@ -61,10 +61,11 @@ def files(root: Path, where: str) -> list[Path]:
 @cache
 def versions() -> dict[str, str]:
     """Versions of the packages NUMERIC, "" for one that is not installed."""
-    return {name: _version(distribution) for name, distribution in sorted(NUMERIC.items())}
+    return {name: installed_version(distribution) for name, distribution in sorted(NUMERIC.items())}
 
 
-def _version(distribution: str) -> str:
+def installed_version(distribution: str) -> str:
+    """The version of a package, "" for one that is not installed."""
     try:
         return version(distribution)
     except PackageNotFoundError:

@@ -11,26 +11,15 @@ import numpy as np
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.names import is_name
-from pipeline.run.objects.framing import frames_like, kinds_like, kinds_of
 from pipeline.run.objects.holding import WIDEST, two_finger_grasps
 from pipeline.run.objects.solid import bounds, solid_of
-from pipeline.run.objects.source import Part, read_source
-from pipeline.run.objects.standing import stand_up
-from pipeline.run.objects.thinning import drawn_parts, welded
+from pipeline.run.objects.source import Part, drawn_parts, read_source, welded
+from pipeline.run.objects.standing import frames_like, kinds_like, kinds_of, stand_up
 from pipeline.run.plugins import directories
 from pipeline.world.glb import write_glb
+from pipeline.world.objects import from_files
 from pipeline.world.objects.contract import FAMILIES, Grasp
-from pipeline.world.objects.from_files import (
-    FRICTION,
-    LOOKS,
-    SOLID,
-    TOML,
-    ObjectError,
-    ObjectToml,
-    add_directory,
-    directory_of,
-    piece,
-)
+from pipeline.world.objects.from_files import ObjectError, ObjectToml, add_directory, directory_of, piece
 from pipeline.world.shapes import Collider, Parts
 
 DENSITY = 400.0  # kg/m3: a box of cereal, a mug, a toy
@@ -86,7 +75,7 @@ def check_names(options: Options, directory: Path) -> None:
     """Raise ObjectError for a name that is taken or is none, and for a family that does not exist."""
     if not is_name(options.name) or options.name != options.name.lower():
         raise ObjectError(f"--name {options.name!r}: is no name of an object; use lower case and underscores")
-    if (directory / TOML).exists():
+    if (directory / from_files.TOML).exists():
         raise ObjectError(f"{directory}: exists; remove it first, or choose another --name")
     if options.name in FAMILIES:
         raise ObjectError(f"--name {options.name}: an object or family of this name exists; choose another")
@@ -113,11 +102,7 @@ def draft_of(file: Path, options: Options) -> Draft:
     upright = stand_up(pieces, options.family, options.up, "y" if file.suffix.lower() in Y_UP else "z", str(file))
     solid = moved(pieces, upright)
     grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(
-        settings_of(options, solid, grasps, file.name),
-        drawn_parts([part.moved(upright) for part in parts]),
-        solid,
-    )
+    return Draft(settings_of(options, solid, grasps, file.name), drawn_parts([part.moved(upright) for part in parts]), solid)
 
 
 def check_size(file: Path, parts: Sequence[Part]) -> None:
@@ -147,7 +132,7 @@ def settings_of(options: Options, solid: Sequence[Collider], grasps: Sequence[Gr
             "source": source,
             "licence": options.licence,
             "mass": round(mass, 4),
-            "friction": FRICTION,
+            "friction": from_files.FRICTION,
             "words": {"noun": words[0], "seen": words[:-1] or words, "unseen": words[-1:]},
             "frames": {name: row(at) for name, at in frames_like(solid, options.family).items()},
             "grasps": [(g.kind, round(g.width, KEPT_DIGITS), row(g.pose)) for g in grasps],
@@ -165,9 +150,9 @@ def write_object(draft: Draft, directory: Path) -> None:
     lines = []
     for number, one in enumerate(draft.solid):
         lines += [f"o piece_{number}", *("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in np.asarray(one.vertices))]
-    write_atomic(directory / LOOKS, write_glb(draft.looks))
-    write_atomic(directory / SOLID, ("\n".join(lines) + "\n").encode())
-    write_atomic(directory / TOML, toml_of(draft.settings).encode())
+    write_atomic(directory / from_files.LOOKS, write_glb(draft.looks))
+    write_atomic(directory / from_files.SOLID, ("\n".join(lines) + "\n").encode())
+    write_atomic(directory / from_files.TOML, toml_of(draft.settings).encode())
 
 
 def toml_of(settings: ObjectToml) -> str:

@@ -5,6 +5,7 @@ directory in the user's cache, once; what is cached is found again by the conten
 objects from files, with a key `task.family` where a task of the original has instances of its own.
 """
 
+import csv
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -34,66 +35,24 @@ class Model(NamedTuple):
     """
 
     directory: str
-    ids: tuple[int, ...] = ()
-    held: bool = True
-    scale: float = 1.0
+    ids: tuple[int, ...]
+    held: bool
+    scale: float
 
 
-MODELS: Mapping[str, Model] = {
-    "alarm_clock": Model("046_alarm-clock", (1, 3), held=False),
-    "basket": Model("110_basket", (0, 1)),
-    "bell": Model("050_bell", (0, 1)),
-    "big_bin": Model("011_dustbin", (0,), held=False),
-    "bottle": Model("001_bottle", tuple(range(20))),
-    "bowl": Model("002_bowl", (1, 2, 3, 5)),
-    "bread": Model("075_bread"),
-    "bread_basket": Model("076_breadbasket", (0, 1, 2, 3, 4), held=False),
-    "can": Model("071_can", (0, 1, 2, 3, 5, 6)),
-    "coaster": Model("019_coaster", (0,), held=False),
-    "coffee_box": Model("113_coffee-box"),
-    "cup": Model("021_cup", tuple(range(8))),
-    "display_stand": Model("074_displaystand", (0, 1, 2, 3, 4), held=False),
-    "dustbin": Model("011_dustbin", (0,), held=False),
-    "fan": Model("099_fan", (4, 5)),
-    "hammer": Model("020_hammer", (0,)),
-    "lying_bottle": Model("001_bottle", (13, 16)),
-    "microphone": Model("018_microphone", (0, 4, 5)),
-    "mouse": Model("047_mouse", (0, 1, 2)),
-    "mug": Model("039_mug", tuple(range(10))),
-    "phone": Model("077_phone", (0, 1, 2, 4)),
-    "phone_stand": Model("078_phonestand", (1, 2), held=False),
-    "pill_bottle": Model("080_pillbottle", (1, 2, 3, 4, 5)),
-    "plate": Model("003_plate", (0,), held=False, scale=0.025),
-    "playing_cards": Model("081_playingcards", (0, 1, 2)),
-    "qr_sign": Model("070_paymentsign", (0, 1, 2, 3)),
-    "rack": Model("040_rack", (0,), held=False),
-    "remote": Model("079_remotecontrol"),
-    "roller": Model("102_roller", (0, 2)),
-    "rubiks_cube": Model("073_rubikscube"),
-    "sauce_can": Model("105_sauce-can", (0, 2, 4, 5, 6)),
-    "scale": Model("072_electronicscale", (0, 1, 5, 6), held=False),
-    "scanner": Model("024_scanner", (0, 1, 2, 3, 4)),
-    "seal": Model("100_seal", (0, 2, 3, 4, 6)),
-    "shoe": Model("041_shoe", tuple(range(10))),
-    "skillet": Model("106_skillet", (0, 1, 2, 3)),
-    "soap": Model("107_soap"),
-    "stapler": Model("048_stapler", tuple(range(7))),
-    "table_bin": Model("063_tabletrashbin", (0, 3, 7, 8, 9, 10)),
-    "tea_box": Model("112_tea-box", tuple(range(6))),
-    "toy_car": Model("057_toycar", tuple(range(6))),
-    "wooden_block": Model("086_woodenblock"),
-}
-"""The original's models by the family that they stand for. Blocks, pads and mats are boxes there, too; its cabinet and its
-kitchen pot are articulated, and ours take their places."""
+def _read_models() -> dict[str, Model]:
+    with Path(__file__).with_name("originals.csv").open(newline="") as file:
+        return {
+            row["key"]: Model(row["directory"], tuple(map(int, row["ids"].split())), row["held"] == "yes", float(row["scale"]))
+            for row in csv.DictReader(file)
+        }
 
-OF_TASKS: Mapping[str, Model] = {
-    "place_bread_basket.bread": Model("075_bread", (0, 1, 3, 5, 6)),
-    "place_bread_skillet.bread": Model("075_bread", (0, 1, 3, 5, 6)),
-    "place_container_plate.cup": Model("021_cup", tuple(range(1, 8))),
-    "place_empty_cup.cup": Model("021_cup", (0,)),
-    "put_bottles_dustbin.bottle": Model("114_bottle", (1, 2, 3)),
-}
-"""Models of single tasks, where they differ."""
+
+MODELS: Mapping[str, Model] = _read_models()
+"""The original's models by the family that they stand for, and by `task.family` where they differ in single tasks.
+
+Blocks, pads and mats are boxes there, too; its cabinet and its kitchen pot are articulated, and ours take their places.
+"""
 
 
 @dataclass(frozen=True)
@@ -160,15 +119,11 @@ def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
     """The keys of `objects` that these tasks use."""
     for task, families in tasks.items():
         for family in families:
-            own = f"{task}.{family}"
-            if own in OF_TASKS:
-                yield own
-            elif family in MODELS:
-                yield family
+            yield from [key for key in (f"{task}.{family}", family) if key in MODELS][:1]
 
 
 def _instances(root: Path, key: str) -> Iterator[_Wanted]:
-    model = OF_TASKS.get(key) or MODELS[key]
+    model = MODELS[key]
     found = sorted(instances(root / model.directory), key=lambda each: int(each.number or 0))
     for each in found:
         if not model.ids or int(each.number or 0) in model.ids:

@@ -18,19 +18,15 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pipeline.data.parsing import ParseError, read_json
 from pipeline.poses import Pose, from_matrix, quat_rotate
 from pipeline.run.objects.add import Draft, Options, check_names, check_size, moved, settings_of, write_object
-from pipeline.run.objects.framing import kinds_like
 from pipeline.run.objects.holding import pinch_at, two_finger_grasps
 from pipeline.run.objects.solid import solid_of
-from pipeline.run.objects.source import read_source
-from pipeline.run.objects.standing import first_of, stand_up
-from pipeline.run.objects.thinning import drawn_parts, welded
+from pipeline.run.objects.source import drawn_parts, read_source, welded
+from pipeline.run.objects.standing import first_of, kinds_like, stand_up
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases, add_directory
 from pipeline.world.shapes import Collider
 
-VERSION = 1
-"""Raise it when the same files give other objects: those in the user's cache are made again then."""
-
+VERSION = 1  # raise it when the same files give other objects: those in the user's cache are made again then
 MASS = 0.1  # kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
 
 ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)

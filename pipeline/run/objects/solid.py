@@ -15,7 +15,6 @@ from pipeline.world.objects.from_files import ObjectError, piece
 from pipeline.world.shapes import Collider
 
 CUT = Cut(threshold=0.06, pieces=14, resolution=500, iterations=20, hollow=1.15, tidy=True)
-STEP = 0.0005  # m between the points at which a line is tested
 
 type Floats = NDArray[np.float64]
 
@@ -28,17 +27,13 @@ def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Colli
         raise ObjectError(f"{name}: is flat, so that nothing can hold it; give it a thickness") from error
 
 
-def centre_of_mass(pieces: Sequence[Collider]) -> Floats:
-    """Centre (3,) m of mass of pieces of one density."""
-    volumes = np.array([one.volume() for one in pieces])
-    centres = np.array([trimesh.convex.convex_hull(np.asarray(one.vertices)).center_mass for one in pieces])
-    return volumes @ centres / volumes.sum()
-
-
 def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
     """Directions (3,) that can be up when the object rests on a flat table, with their probabilities, likeliest first."""
     hull = trimesh.convex.convex_hull(np.concatenate([np.asarray(one.vertices) for one in pieces]))
-    poses, shares = compute_stable_poses(hull, center_mass=centre_of_mass(pieces))
+    volumes = np.array([one.volume() for one in pieces])
+    centres = np.array([trimesh.convex.convex_hull(np.asarray(one.vertices)).center_mass for one in pieces])
+    # pieces of one density
+    poses, shares = compute_stable_poses(hull, center_mass=volumes @ centres / volumes.sum())
     return [(np.array(matrix[2, :3]), float(share)) for matrix, share in zip(poses, shares, strict=True)]
 
 

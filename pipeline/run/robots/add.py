@@ -1,20 +1,21 @@
-"""`domino-data robots add`: a vendor's URDF or MJCF becomes a robot's directory."""
+"""`domino-data robots add`: a vendor's URDF or MJCF, or an embodiment of RoboTwin, becomes a robot's directory."""
 
 import re
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.data.names import NONE, is_name
+from pipeline.data.parsing import ParseError, read_yaml
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.run.robots.anatomy import Anatomy, Hints, anatomy, cloud
-from pipeline.run.robots.config_yml import CONFIG, read_config
 from pipeline.run.robots.join import mount
 from pipeline.run.robots.mjcf import MJCF, read_mjcf
-from pipeline.run.robots.place import Site, find_site, overlaps
+from pipeline.run.robots.place import find_site, overlaps
 from pipeline.run.robots.simplify import Pieces
 from pipeline.run.robots.write import Draft, write_robot
 from pipeline.world.robots.check import RobotError
@@ -24,7 +25,33 @@ from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.meshes import load_visual
 from pipeline.world.robots.notation import wrist_camera
 from pipeline.world.robots.pairs import ALIASES, MODELS
-from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, read_urdf
+from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, read_urdf
+
+CONFIG = "config.yml"
+
+
+def read_config(directory: Path, base: str | None = None) -> tuple[Path, Hints]:
+    """The URDF and the hints of a directory with a `config.yml`; of two arms in one file, the first. Raises UrdfError."""
+    path = directory / CONFIG
+    try:
+        values: dict[str, Any] = read_yaml(path)
+        urdf = (directory / str(values["urdf_path"])).resolve()
+        joints = [str(name) for name in values["arm_joints_name"][0]]
+        jaw = values["gripper_name"][0]
+        mimics = {str(m[0]): Mimic(str(jaw["base"]), float(m[1]), float(m[2])) for m in jaw.get("mimic", ())}
+        closed, opened = (float(v) for v in values["gripper_scale"])
+    except ParseError as error:
+        raise UrdfError(f"{path}: {error}") from error
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise UrdfError(f"{path}: is no configuration of an embodiment of RoboTwin ({type(error).__name__}: {error})") from error
+    if not urdf.is_relative_to(directory.resolve()) or not urdf.is_file():
+        raise UrdfError(f"{path}: urdf_path names {values['urdf_path']!r}, which is no file of the directory")
+    robot = read_urdf(urdf, directory)
+    first = next((j for j in robot.parent_joint.values() if j.name == joints[0]), None)
+    if first is None:
+        raise UrdfError(f"{path}: arm_joints_name names {joints[0]!r}, which the URDF does not have")
+    return urdf, Hints(base or first.parent, str(jaw["base"]), mimics, (closed, opened))
+
 
 FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
 SPEED, EFFORT = 2.0, 50.0  # what is used for a joint whose limits are missing or placeholders
@@ -133,16 +160,16 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
     return Draft(
         arm,
         site,
-        (position, approach, _upright(arm, site, opening)),
+        (position, approach, _upright(site.arms["left"], opening)),
         _foot(robot, parts.links[0]),
         options.licence,
         robot.path.name,
     )
 
 
-def _upright(arm: Arm, site: Site, opening: np.ndarray) -> np.ndarray:
+def _upright(arm: Arm, opening: np.ndarray) -> np.ndarray:
     """The opening direction turned so that the wrist camera is above the hand at home."""
-    hand = arm_poses(replace(arm, base=site.base["left"]), site.home["left"])[arm.hand]
+    hand = arm_poses(arm, arm.home)[arm.hand]
     above = quat_rotate(compose(hand, arm.tcp)[3:], [0.0, 0.0, 1.0])[2] >= -0.01
     return opening if above else -opening
 

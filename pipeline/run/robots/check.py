@@ -1,7 +1,7 @@
 """`domino-data check-robot NAME`: can a robot do its work? A line and an image for each clause, and the tasks that it can do."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -18,6 +18,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import chain_of, fk
 from pipeline.poses import Pose, compose, transform
+from pipeline.report.contact_sheet import encode
 from pipeline.run.robots.place import COARSE, measure
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
@@ -43,12 +44,8 @@ PRESET = "raster-smooth"
 type Image = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, eq=False)
-class Checked:
-    """What a check found, and an image (H,W,3) of it, if there is one."""
-
-    finding: Finding
-    image: Image | None = None
+type Checked = tuple[Finding, Callable[[], Image] | None]
+"""What a check found, and what draws an image (H,W,3) of it, if anything does."""
 
 
 def check_robot(name: str, tasks: Sequence[str], images: Path | None) -> Iterator[Finding]:
@@ -60,73 +57,70 @@ def check_robot(name: str, tasks: Sequence[str], images: Path | None) -> Iterato
     if len(robot.sides) < len(SIDES):
         raise RobotError(f"{name}: is one arm of a robot: check the robot, without {NONE!r}")
     for check in (_limits, _masses, _pair, _home, _reach, _grip, _camera):
-        checked = check(robot, images is not None)
-        if images is not None and checked.image is not None:
-            images.mkdir(parents=True, exist_ok=True)
-            data = cv2.imencode(".png", cv2.cvtColor(checked.image, cv2.COLOR_RGB2BGR))[1].tobytes()
-            write_atomic(images / f"{name}-{checked.finding.name}.png", data)
-        yield checked.finding
+        finding, draw = check(robot)
+        if images is not None and draw is not None:
+            write_atomic(images / f"{name}-{finding.name}.png", encode(draw(), ".png"))
+        yield finding
     if tasks:
         yield _tasks(robot, tasks)
 
 
-def _limits(robot: Embodiment, _: bool) -> Checked:
-    odd = []
-    for side, arm in robot.arms.items():
-        for joint in (j for j in arm.joints if j.kind != "fixed"):
-            if joint.velocity > FASTEST or joint.effort > STRONGEST:
-                odd.append(f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})")
-    detail = (
-        f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
-        if odd
-        else "velocity and effort of every joint are plausible"
-    )
-    return Checked(Finding("limits", not odd, detail))
+def _limits(robot: Embodiment) -> Checked:
+    odd = [
+        f"{side} {joint.name} (velocity {joint.velocity:g}, effort {joint.effort:g})"
+        for side, arm in robot.arms.items()
+        for joint in arm.joints
+        if joint.kind != "fixed" and (joint.velocity > FASTEST or joint.effort > STRONGEST)
+    ]
+    wrong = f"placeholders at {', '.join(odd[:4])}: give them under [limits]"
+    return Finding("limits", not odd, wrong if odd else "velocity and effort of every joint are plausible"), None
 
 
-def _masses(robot: Embodiment, _: bool) -> Checked:
+def _masses(robot: Embodiment) -> Checked:
     masses = {side: sum(link.mass for link in arm.links) for side, arm in robot.arms.items()}
     good = all(0.1 < mass < HEAVIEST for mass in masses.values())
-    return Checked(Finding("mass", good, ", ".join(f"{side} arm {mass:.2f} kg" for side, mass in masses.items())))
+    return Finding("mass", good, ", ".join(f"{side} arm {mass:.2f} kg" for side, mass in masses.items())), None
 
 
-def _pair(robot: Embodiment, drawn: bool) -> Checked:
+def _pair(robot: Embodiment) -> Checked:
     left, right = (fk(chain_of(robot.arms[side]), robot.arms[side].home)[:3] for side in SIDES)
     apart = float(np.linalg.norm(left * (-1, 1, 1) - right))
     detail = f"at home the right tool is {100 * apart:.1f} cm from the mirror image of the left one"
-    image = _scene(robot, {s: (robot.arms[s].home, 1.0) for s in SIDES}) if drawn else None
-    return Checked(Finding("pair", apart < MIRRORED or len({a.model for a in robot.arms.values()}) > 1, detail), image)
+    good = apart < MIRRORED or len({a.model for a in robot.arms.values()}) > 1
+    return Finding("pair", good, detail), lambda: _scene(robot, {s: (robot.arms[s].home, 1.0) for s in SIDES})
 
 
-def _home(robot: Embodiment, _: bool) -> Checked:
+def _home(robot: Embodiment) -> Checked:
     free = CollisionWorld(robot).with_objects(margin=0.0)
     touching = [
         v for v in (0.0, 0.5, 1.0) if free.first_blocked(robot.arms["left"].home, robot.arms["right"].home, (v, v)) is not None
     ]
-    detail = (
-        "touches nothing with jaws closed, half open and open" if not touching else f"touches something with jaws at {touching}"
-    )
-    return Checked(Finding("home", not touching, detail))
+    good = "touches nothing with jaws closed, half open and open"
+    return Finding("home", not touching, f"touches something with jaws at {touching}" if touching else good), None
 
 
-def _reach(robot: Embodiment, drawn: bool) -> Checked:
+def _reach(robot: Embodiment) -> Checked:
     arm = robot.arms["left"]
     if len(arm.arm_joints) < 6:
         said = f"{len(arm.arm_joints)} joints: the hand cannot take every orientation, so that only some poses can be reached"
-        return Checked(Finding("reach", False, said))
+        return Finding("reach", False, said), None
     found = measure(robot, COARSE)
     share = {f"{p:.0f}": float(v) for p, v in zip(COARSE.pitches, found.own[0], strict=True)}
     detail = ", ".join(f"{100 * v:.0f} % at {p} degrees" for p, v in share.items())
-    image = None
-    if drawn:
-        image = np.full((200, 60 * len(share) + 20, 3), 255, np.uint8)
-        for i, (pitch, value) in enumerate(share.items()):
-            cv2.rectangle(image, (20 + 60 * i, 170), (60 + 60 * i, 170 - int(150 * value)), (70, 120, 200), -1)
-            cv2.putText(image, pitch, (28 + 60 * i, 190), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
-    return Checked(Finding("reach", max(share.values()) >= MOST_REACH, f"of its own half 5 cm above the table: {detail}"), image)
+    good = max(share.values()) >= MOST_REACH
+    return Finding("reach", good, f"of its own half 5 cm above the table: {detail}"), partial(_columns, share)
 
 
-def _grip(robot: Embodiment, drawn: bool) -> Checked:
+def _columns(share: Mapping[str, float]) -> Image:
+    """A column for each share, named below it."""
+    image = np.full((200, 60 * len(share) + 20, 3), 255, np.uint8)
+    for i, (name, value) in enumerate(share.items()):
+        cv2.rectangle(image, (20 + 60 * i, 170), (60 + 60 * i, 170 - int(150 * value)), (70, 120, 200), -1)
+        cv2.putText(image, name, (28 + 60 * i, 190), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+    return image
+
+
+def _grip(robot: Embodiment) -> Checked:
     """Closes the jaws on an upright can that nothing else holds; it must stay between the pads, and the jaws must stop at it."""
     arm = robot.arms["left"]
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
@@ -158,16 +152,16 @@ def _grip(robot: Embodiment, drawn: bool) -> Checked:
     good = moved < 0.03 and len(touching) == 2 and 0.4 * CAN < width < 1.8 * CAN
     said = f"a can of {100 * CAN:.0f} cm stops the jaws at {100 * width:.1f} cm and moves by {100 * moved:.1f} cm"
     detail = f"{said}; touched by {len(touching)} of 2 fingers"
-    image = None
-    if drawn:
-        closed = (width / grip.max_opening, 1.0)
+
+    def draw() -> Image:
         mesh = cylinder(CAN / 2, 0.06)
         body = (mesh.moved(np.array([0, 0, -0.03, 1, 0, 0, 0.0])), Material((0.8, 0.2, 0.15), 0.5))
-        image = np.hstack([_hand(robot, value, [body]) for value in closed])
-    return Checked(Finding("grip", good, detail), image)
+        return np.hstack([_hand(robot, value, [body]) for value in (width / grip.max_opening, 1.0)])
+
+    return Finding("grip", good, detail), draw
 
 
-def _camera(robot: Embodiment, _: bool) -> Checked:
+def _camera(robot: Embodiment) -> Checked:
     camera = cameras_of(robot)[1]
     arm = robot.arms["left"]
     seen = []
@@ -179,10 +173,8 @@ def _camera(robot: Embodiment, _: bool) -> Checked:
         pixels, depth = project(camera.type, eye, transform(tool, np.array([[0, half, 0], [0, -half, 0]])))
         inside = (pixels >= 0).all() and (pixels < (camera.type.width, camera.type.height)).all() and (depth > 0).all()
         seen.append(bool(inside))
-    detail = (
-        "the wrist camera sees both pads, open and closed" if all(seen) else "the wrist camera misses a pad: move it under [camera]"
-    )
-    return Checked(Finding("camera", all(seen), detail))
+    wrong = "the wrist camera misses a pad: move it under [camera]"
+    return Finding("camera", all(seen), "the wrist camera sees both pads, open and closed" if all(seen) else wrong), None
 
 
 def _tasks(robot: Embodiment, tasks: Sequence[str]) -> Finding:

@@ -79,7 +79,7 @@ class _Tree:
             if self.model.body_parentid[body] == 0:
                 continue
             joint = self._joint(body)
-            rule = rules.get(self._only_joint(body))
+            rule = rules.get(int(self.model.body_jntadr[body]))
             if rule is not None and rule.multiplier == 0:
                 joint = replace(joint, kind="fixed", origin=compose(joint.origin, joint_motion(joint, rule.offset)))
             elif rule is not None:
@@ -91,9 +91,6 @@ class _Tree:
         given = getattr(self.model, kind)(i).name
         return given.replace("/", "_").replace("\\", "_") if given else f"{kind}_{i}"
 
-    def _only_joint(self, body: int) -> int:
-        return int(self.model.body_jntadr[body])
-
     def _anchor(self, body: int) -> Pose:
         return self.anchors.get(body, pose())
 
@@ -104,7 +101,7 @@ class _Tree:
         ends = self._name("body", parent), name
         if model.body_jntnum[body] == 0:
             return Joint(f"{name}_fixed", "fixed", *ends, origin)
-        j = self._only_joint(body)
+        j = int(self.model.body_jntadr[body])
         kind = {2: "prismatic", 3: "revolute"}.get(int(model.jnt_type[j]))
         if model.body_jntnum[body] > 1 or kind is None:
             raise UrdfError(f"{self.path}: body {name!r} has a ball joint, a free joint or several: use one hinge or slide a body")
@@ -154,7 +151,7 @@ class _Tree:
 
     def _shape(self, geom: int, back: Pose) -> UrdfShape | None:
         """A geom as a mesh file in the link's frame; None for planes and height fields."""
-        model, size, mesh_id = self.model, self.model.geom_size[geom].tolist(), None
+        model, size, kind = self.model, self.model.geom_size[geom].tolist(), f"geom_{geom}"
         match int(model.geom_type[geom]):
             case 2:
                 mesh = trimesh.creation.icosphere(subdivisions=3, radius=size[0])
@@ -168,11 +165,9 @@ class _Tree:
                 mesh = trimesh.creation.box(2 * np.array(size))
             case 7:
                 mesh_id = int(model.geom_dataid[geom])
-                mesh = self._mesh(mesh_id)
+                mesh, kind = self._mesh(mesh_id), f"mesh_{mesh_id}"  # those that several geoms have are one file, which is cut once
             case _:
                 return None
-        # meshes that several geoms have are one file, which is cut once
-        kind = f"geom_{geom}" if mesh_id is None else f"mesh_{mesh_id}"
         file = self.scratch / f"{kind}.stl"
         mesh.export(file)
         r, g, b = np.clip(self._rgba(geom)[:3], 0, 1).tolist()

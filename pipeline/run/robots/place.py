@@ -15,7 +15,7 @@ from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
-from pipeline.poses import frame, pose, quat_about, quat_multiply, quat_rotate, transform
+from pipeline.poses import compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses
@@ -45,18 +45,12 @@ class Scan:
     y: Floats
 
 
-def _lines(first: float, last: float, spacing: float) -> Floats:
+def lines(first: float, last: float, spacing: float) -> Floats:
+    """Grid lines (m) from the first to the last."""
     return np.arange(first, last + 1e-4, spacing, dtype=np.float64)
 
 
-FULL = Scan(
-    (0.03, 0.15),
-    (30, 45, 60, 90),
-    (0, 25, -25, 50, -50, 75, -75),
-    _lines(-0.4, 0.1, 0.05),
-    _lines(-0.25, 0.25, 0.05),
-)
-COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), _lines(-0.4, 0.1, 0.1), _lines(-0.25, 0.25, 0.1))
+COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), lines(-0.4, 0.1, 0.1), lines(-0.25, 0.25, 0.1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +69,6 @@ class Reach:
         return float(tilted / 1.6 - 0.15 * self.hidden - 0.15 * self.close)
 
 
-@dataclass(frozen=True, eq=False)
-class Site:
-    """Bases (7,) and rest configurations by side, and the reach (None for an arm of fewer than six joints)."""
-
-    base: dict[str, Floats]
-    home: dict[str, Floats]
-    reach: Reach | None
-
-
 def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: Iterable[float] | None = None) -> Embodiment:
     """Two of an arm with bases at (-x, y, z) and (x, y, z), turned from the world's axes by `yaw` rad; no furniture."""
     x, y, z = place
@@ -91,15 +76,6 @@ def stood(arm: Arm, place: tuple[float, float, float], yaw: float = 0.0, home: I
     rest = arm.home if home is None else tuple(home)
     arms = {side: replace(arm, base=pose((s * x, y, z), q), home=rest) for side, s in (("left", -1), ("right", 1))}
     return Embodiment(arm.model, arms, HEAD_CAMERA)
-
-
-def moved(embodiment: Embodiment, x: float, y: float, z: float, yaw: float) -> Embodiment:
-    """The robot with its bases at (-x, y, z) and (x, y, z), turned by `yaw` rad inwards, without its furniture."""
-    arms = {
-        side: replace(arm, base=pose((s * x, y, z), quat_multiply(quat_about((0, 0, 1), s * yaw), arm.base[3:])))
-        for (side, arm), s in zip(embodiment.arms.items(), (-1, 1), strict=True)
-    }
-    return replace(embodiment, arms=arms, furniture_collision=())
 
 
 def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Floats:
@@ -113,7 +89,7 @@ def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Float
     return np.array([frame((x, y, TABLE_TOP + height), approach, s * opening) for s in (1, -1) for x, y in cells])
 
 
-def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan = FULL) -> tuple[Floats, NDArray[np.bool_]]:
+def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan) -> tuple[Floats, NDArray[np.bool_]]:
     """Left arm joints (N,n) and success (N,) for cells (N,2), over azimuths and both rolls."""
     arm = robot.arms["left"]
     chain = chain_of(arm)
@@ -132,7 +108,7 @@ def solve(robot: Embodiment, height: float, pitch: float, cells: Floats, scan: S
     return q, done
 
 
-def measure(robot: Embodiment, scan: Scan = FULL) -> Reach:
+def measure(robot: Embodiment, scan: Scan) -> Reach:
     """Reach of the left arm."""
     arm = robot.arms["left"]
     cells = np.array(list(product(scan.x, scan.y)), np.float64)
@@ -173,8 +149,8 @@ def blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
     return covers, near
 
 
-def find_site(arm: Arm) -> Site | None:
-    """The place of PLACES from which the arm reaches most of the table, and its rest configurations there; None where it has none.
+def find_site(arm: Arm) -> Embodiment | None:
+    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest there; None where there is none.
 
     `arm.base` and `arm.home` are not looked at. The places are ranked by a sample of configurations, and the best of them measured
     by inverse kinematics where the arm has six joints or more.
@@ -184,18 +160,16 @@ def find_site(arm: Arm) -> Site | None:
     tools = fk_batch(chain, q)
     yaw = np.pi / 2 - _forward(tools)
     ranked = sorted(PLACES, key=lambda place: -_sample_reach(tools, place, yaw))
-    best: tuple[float, Site] | None = None
+    best: tuple[float, Embodiment] | None = None
     for place in ranked[:TRIED]:
         robot = stood(arm, place, yaw, (chain.lower + chain.upper) / 2)
         homes = _homes(robot, q, tools)
         if homes is None:
             continue
-        arms = {s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()}
-        robot = replace(robot, arms=arms)
-        reach = measure(robot, COARSE) if chain.dof >= 6 else None
-        score = reach.score if reach is not None else _sample_reach(tools, place, yaw)
+        robot = replace(robot, arms={s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()})
+        score = measure(robot, COARSE).score if chain.dof >= 6 else _sample_reach(tools, place, yaw)
         if best is None or score > best[0]:
-            best = score, Site({s: a.base for s, a in arms.items()}, {s: np.array(a.home) for s, a in arms.items()}, reach)
+            best = score, robot
     return None if best is None else best[1]
 
 
@@ -209,17 +183,13 @@ def _forward(tools: Floats) -> float:
 
 def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) -> float:
     """Share of the cells (10 cm) of the left arm's half above which a sampled tool points down, from a place."""
-    at = _in_world(tools, pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)))
+    at = compose(pose((-place[0], *place[1:]), quat_about((0, 0, 1), yaw)), tools)
     down = quat_rotate(at[:, 3:], [1.0, 0, 0])[:, 2] < -0.5
     low = (at[:, 2] > TABLE_TOP + 0.01) & (at[:, 2] < TABLE_TOP + 0.2)
     seen = at[down & low][:, :2]
     cells = np.floor((seen - (-0.45, -0.3)) / 0.1).astype(int)
     inside = ((cells >= 0) & (cells < (5, 6))).all(axis=1)
     return len(np.unique(cells[inside], axis=0)) / 30
-
-
-def _in_world(tools: Floats, base: Floats) -> Floats:
-    return np.concatenate([transform(base, tools[:, :3]), quat_multiply(base[3:], tools[:, 3:])], axis=1)
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
@@ -240,10 +210,9 @@ def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[
     arm = robot.arms[side]
     chain = chain_of(arm)
     x = float(arm.base[0])
-    other = "right" if side == "left" else "left"
-    away = replace(robot, arms={side: arm, other: replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))})
-    free = CollisionWorld(replace(away, arms={s: away.arms[s] for s in ("left", "right")})).with_objects(margin=0.0)
-    found = [row for row in _home_candidates(chain, x, q, _in_world(tools, arm.base)) if free.free(side, chain.home)(row)]
+    away = replace(arm, base=pose((FAR * np.sign(-x), 0, 0)))
+    free = CollisionWorld(replace(robot, arms={s: arm if s == side else away for s in SIDES})).with_objects(margin=0.0)
+    found = [row for row in _home_candidates(chain, x, q, compose(arm.base, tools)) if free.free(side, chain.home)(row)]
     return sorted(found, key=lambda row: -float(limit_margin(chain, row)))
 
 

@@ -11,19 +11,21 @@ import trimesh
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.names import SIDES
-from pipeline.run.robots.place import Site
 from pipeline.world.glb import write_glb
-from pipeline.world.robots.contract import Arm
+from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.directory import TOML, URDF
 from pipeline.world.robots.urdf import arm_urdf, mesh_file
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """An arm with what its directory says besides: tool frame (position, approach, opening), foot (m), licence, source."""
+    """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m), licence, source.
+
+    `tcp` holds position, approach and opening direction in the hand's frame.
+    """
 
     arm: Arm
-    site: Site
+    site: Embodiment
     tcp: tuple[Iterable[float], Iterable[float], Iterable[float]]
     foot: float
     licence: str
@@ -48,7 +50,6 @@ def write_robot(draft: Draft, directory: Path) -> None:
 def toml_of(draft: Draft) -> str:
     """The text of `robot.toml`."""
     arm, grip = draft.arm, draft.arm.gripper
-    position, approach, opening = draft.tcp
     lines = [
         f'licence = "{_plain(draft.licence)}"',
         f'source = "{_plain(draft.source)}"',
@@ -59,26 +60,19 @@ def toml_of(draft: Draft) -> str:
         "]",
         "",
         "[tcp]",
-        f"position = {_row(position)}",
-        f"approach = {_row(approach)}",
-        f"opening = {_row(opening)}",
+        *(f"{name} = {_row(values)}" for name, values in zip(("position", "approach", "opening"), draft.tcp, strict=True)),
         "",
         "[gripper]",
-        f"joints = {json.dumps(list(grip.joints))}",
-        f"fingers = {json.dumps(list(grip.fingers))}",
-        f"closed = {_row(grip.closed)}",
-        f"opened = {_row(grip.opened)}",
+        *(f"{name} = {json.dumps(list(getattr(grip, name)))}" for name in ("joints", "fingers")),
+        *(f"{name} = {_row(getattr(grip, name))}" for name in ("closed", "opened")),
         f"opening = {grip.max_opening:.4f}",
-        f"force = {grip.force:g}",
-        f"speed = {grip.speed:g}",
-        f"stiffness = {grip.stiffness:g}",
-        f"damping = {grip.damping:g}",
+        *(f"{name} = {getattr(grip, name):g}" for name in ("force", "speed", "stiffness", "damping")),
         "",
         "[home]",
-        *(f"{side} = {_row(draft.site.home[side])}" for side in SIDES),
+        *(f"{side} = {_row(draft.site.arms[side].home)}" for side in SIDES),
     ]
     for side in SIDES:
-        base = draft.site.base[side]
+        base = draft.site.arms[side].base
         lines += ["", f"[place.{side}]", f"position = {_row(base[:3])}", f"quaternion = {_row(base[3:], 15)}"]
     return "\n".join(lines) + "\n"
 

@@ -1,18 +1,25 @@
-"""Failed attempts as files of their own, below failures/: what an episode has, and in its header why it is none."""
+"""Failed attempts: files of their own below failures/, and for the report one picture of each way in which a cell fails."""
 
 from dataclasses import dataclass, replace
 
-from pipeline.data.atomic import remove
+import cv2
+import numpy as np
+
+from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.meta import FailureInfo
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.setup import Setup
 from pipeline.data.store.mirror import delete_uploaded
 from pipeline.motion.planar.motion import PlanarMotion
+from pipeline.report.contact_sheet import encode
+from pipeline.report.summary import failed_folder
 from pipeline.run.slot.make import draw, episode_of, write
 from pipeline.stages import dry_run, react, replay
 from pipeline.stages.attempt import Phases, Rollout
 from pipeline.stages.failure import Failure
+from pipeline.stages.render import appearance_of, render
 from pipeline.stages.scene import build_scene
 
 _LAST = (replay.STAGE, react.STAGE)
@@ -46,11 +53,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
     rollout = Rollout(scene, motion, meeting, replay.Replay(log, failure.steps), failure.steps)
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
     why = FailureInfo(
-        attempt=failed.number,
-        stage=failure.stage,
-        reason=failure.reason,
-        detail=failure.detail,
-        conditions=failure.conditions,
+        attempt=failed.number, stage=failure.stage, reason=failure.reason, detail=failure.detail, conditions=failure.conditions
     )
     flagged = replace(episode, meta=episode.meta.model_copy(update={"failure": why}))
     return write(dataset.failure(failed.slot, failed.number), flagged, images, phases)
@@ -63,3 +66,27 @@ def remove_failures(dataset: Dataset, slot: Slot) -> None:
     for path in found:
         remove(path)
     delete_uploaded(*found)
+
+
+FRAMES, APART = 3, 0.5  # frames of a picture, and seconds between them
+WIDTH = 256  # pixels of a frame
+
+
+def keep_last_frames(dataset: Dataset, recipe: Recipe, slot: Slot, number: int, failure: Failure) -> None:
+    """Write the last frames of an attempt as the head camera sees them, left to right, to report/failed/CELL/.
+
+    Nothing is written for a failure before anything moved, or where the cell has a picture of this failure. Raises OSError.
+    """
+    folder = failed_folder(dataset.root, slot.cell.path)
+    name = f"{failure.stage}-{failure.reason}"
+    if failure.log is None or any(folder.glob(f"{name}-*.jpg")):
+        return
+    scene = build_scene(recipe.spec(slot, number), recipe.ruling())
+    if failure.motion is not None:
+        scene = scene.furnished(failure.motion)
+    appearance = appearance_of(scene, Setup(camera=recipe.camera, cameras=("head",), render="raster-fast"))
+    last, step = len(failure.log) - 1, round(APART * recipe.fps)
+    (view,) = render(appearance, failure.log, frames=[max(0, last - step * back) for back in reversed(range(FRAMES))])
+    height = WIDTH * view.rgb.shape[1] // view.rgb.shape[2]
+    frames = [cv2.resize(frame, (WIDTH, height), interpolation=cv2.INTER_AREA) for frame in view.rgb]
+    write_atomic(folder / f"{name}-{slot.index}-{number}.jpg", encode(np.hstack(frames).astype(np.uint8), quality=80))

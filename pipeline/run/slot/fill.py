@@ -17,10 +17,9 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.slot import running
-from pipeline.run.slot.failures import Failed, keep_failure, remove_failures
-from pipeline.run.slot.last_frames import keep_last_frames
+from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
 from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
-from pipeline.run.slot.sending import send_slot
+from pipeline.run.slot.running import send_slot
 from pipeline.run.slot.worker_log import worker_log
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.failure import Failure
@@ -93,21 +92,16 @@ def fill_slot(job: SlotJob) -> SlotRecord:
     return record
 
 
-def correction(recipe: Recipe) -> Perform | None:
-    """The third stage of a recipe that corrects a policy, None for others."""
-    if recipe.corrections is None:
-        return None
-    from pipeline.evaluate.correct import Correction  # policies take a second to import
-
-    return Correction(recipe)
-
-
 def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
     """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
     phases, rows, sha, known = Phases(), list[dict[str, Any]](), "", FileFacts()
-    perform = correction(recipe)
+    perform: Perform | None = None
+    if recipe.corrections is not None:
+        from pipeline.evaluate.correct import Correction  # policies take a second to import
+
+        perform = Correction(recipe)
     remove(dataset.episode(slot))
     remove_failures(dataset, slot)
     for number in range(recipe.attempts):

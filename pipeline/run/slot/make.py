@@ -107,36 +107,27 @@ def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe, phases: 
     Raises OSError if the disk refuses.
     """
     with phases("render"):
-        appearance = wanted_appearance(dataset, scene, recipe)
+        appearance = appearance_of(scene, recipe)
     with phases("write"):
         drawing = keep(appearance, AssetStore(dataset.bodies))
     objects = [name for name in scene.bodies if name not in scene.clutter]
-    return images_of(Look(appearance, drawing, objects), log, recipe, phases)
+    return images_of(appearance, drawing, objects, log, recipe, phases)
 
 
-def wanted_appearance(dataset: Dataset, scene: Scene, recipe: Recipe) -> Appearance:
-    """What the first look of a scene is drawn from."""
-    return appearance_of(scene, recipe)
+def images_of(
+    appearance: Appearance, drawing: Drawing, objects: Sequence[str], log: StateLog, recipe: Recipe, phases: Phases
+) -> Images:
+    """Render a log with the recipe's sensors, encode the frames, and track `objects`, those of the scene that are no distractors.
 
-
-@dataclass(frozen=True, eq=False)
-class Look:
-    """An appearance, the record of it, and the objects of the scene that are no distractors."""
-
-    appearance: Appearance
-    drawing: Drawing
-    objects: Sequence[str]
-
-
-def images_of(look: Look, log: StateLog, recipe: Recipe, phases: Phases) -> Images:
-    """Render a log with the recipe's sensors, encode the frames, and track the objects."""
+    `drawing` is the record of the appearance.
+    """
     with phases("render"):
-        captured = capture(look.appearance, log, recipe)
+        captured = capture(appearance, log, recipe)
     with phases("tracks"):
-        tracks = track_arrays(look.appearance, log.late(look.drawing.latency), look.objects)
+        tracks = track_arrays(appearance, log.late(drawing.latency), objects)
     with phases("encode"):
         coded = [encode_frames(view.rgb) for view in captured.views]
-    return Images(look.drawing, captured.views, coded, captured.pointcloud, tracks)
+    return Images(drawing, captured.views, coded, captured.pointcloud, tracks)
 
 
 def stored_images(file: EpisodeFile) -> Images:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import CHANGED, Dataset, DatasetError
-from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
-from pipeline.data.episode.meta import CameraInfo, Drawing
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import SlotKeys
@@ -15,8 +15,8 @@ from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.ledger.stamps import DAMAGED, file_stamp
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
-from pipeline.run.slot.make import Look, images_of, read_facts, write
-from pipeline.run.slot.sending import send_slot
+from pipeline.run.slot.make import images_of, read_facts, write
+from pipeline.run.slot.running import send_slot
 from pipeline.stages.attempt import Phases
 from pipeline.stages.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
 from pipeline.stages.render import images_of as surfaces_of
@@ -24,16 +24,14 @@ from pipeline.stages.sensing import sensing_of
 from pipeline.world.appearance import load_parts
 from pipeline.world.shapes import Parts
 
-KEPT_PARTS = 256
-"""Assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each."""
+KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each
 
 
 @dataclass(frozen=True)
 class DrawJob:
     """One episode to draw: `slot` of the dataset `out` and its `recipe`, from the episode `origin` of the dataset `source`.
 
-    `record` is the ledger entry of the origin, `same_look` whether its stored look is the wanted one, `code` the driver's code
-    version.
+    `record` is the origin's ledger entry, `same_look` whether its stored look is the wanted one, `code` the driver's version.
     """
 
     source: str
@@ -44,14 +42,6 @@ class DrawJob:
     record: SlotRecord
     same_look: bool
     code: str
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """The ledger entry of what was drawn, for the driver to write, or in one line why nothing was."""
-
-    record: SlotRecord | None
-    problem: str = ""
 
 
 def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
@@ -68,8 +58,7 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
 
 
 def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRecord, keys: SlotKeys) -> bool:
-    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. Its file is read where it was written
-    since it was drawn."""
+    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. A file written since is read."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
     if not record.accepted or record.source != source.sha256:
@@ -80,10 +69,11 @@ def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRe
     return same or out.intact(slot, record)
 
 
-def draw_slot(job: DrawJob) -> Drawn:
+def draw_slot(job: DrawJob) -> SlotRecord | str:
     """Draw one slot and write its episode; a slot that was given up in the source is given up here, too.
 
-    A source that cannot be drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
+    Returns the ledger entry of what was drawn, for the driver to write, or in one line why nothing was: a source that cannot be
+    drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
     driver's, OSError if the disk refuses.
     """
     if job.code != code_version():
@@ -96,11 +86,11 @@ def draw_slot(job: DrawJob) -> Drawn:
         try:
             sha, known = _draw(source, out, job, record, keys, phases)
         except DominoError as error:
-            return Drawn(None, str(error))
+            return str(error)
     # failed attempts stay with the dataset that made them
     attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
     drawn = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known)
-    return Drawn(send_slot(out, job.slot, drawn))
+    return send_slot(out, job.slot, drawn)
 
 
 def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> tuple[str, FileFacts]:
@@ -125,18 +115,14 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
     changed["assets"] = kept | keep_images(appearance.images, AssetStore(out.bodies))
     drawing = episode.meta.drawing.model_copy(update=changed)
     objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
-    images = images_of(Look(appearance, drawing, objects), episode.log, job.recipe, phases)
+    images = images_of(appearance, drawing, objects, episode.log, job.recipe, phases)
     with phases("write"):
         for key in dict.fromkeys(kept.values()):
             AssetStore(out.bodies).copy(key, store)
-    sha = write(out.episode(job.slot), _redrawn(episode, job.slot, keys, images.drawing), images, phases)
+    known = {"physics_id": physics_id(episode.spec, episode.log), "variant": job.slot.variant, "drawing": images.drawing}
+    redrawn = replace(episode, meta=episode.meta.model_copy(update=known | keys.header()))
+    sha = write(out.episode(job.slot), redrawn, images, phases)
     return sha, read_facts(out, job.slot)
-
-
-def _redrawn(episode: Episode, slot: Slot, keys: SlotKeys, drawing: Drawing) -> Episode:
-    """The episode with what it says about its images brought up to date."""
-    known = {"physics_id": physics_id(episode.spec, episode.log), "variant": slot.variant, "drawing": drawing}
-    return replace(episode, meta=episode.meta.model_copy(update=known | keys.header()))
 
 
 @lru_cache(maxsize=KEPT_PARTS)

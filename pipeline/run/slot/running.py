@@ -1,17 +1,22 @@
-"""Which attempt at a slot runs: a note in a file of its own, which outlives the process that wrote it."""
+"""What a worker and its driver share beside an episode: what its machine must have, a note on its attempt, files for a store."""
 
 import os
 import time
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.assets import AssetStore
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.ledger.stamps import file_stamp
 from pipeline.data.recipe.model import Slot
 from pipeline.data.store.mirror import delete_uploaded, mirror_of, upload
+from pipeline.report.summary import failed_folder
+from pipeline.run.identity.slot_keys import code_version
+from pipeline.world.vulkan import ensure_renderer
 
-RENEWAL = -1
-"""Stands for the number of an attempt where a stored episode's images or sentences are made again."""
-
+RENEWAL = -1  # stands for the number of an attempt where a stored episode's images or sentences are made again
 _SUFFIX = ".running"
 
 
@@ -76,3 +81,50 @@ def _path(dataset: Dataset, slot: Slot) -> Path:
 
 def _folder(dataset: Dataset) -> Path:
     return dataset.ledger.root / "running"
+
+
+@dataclass(frozen=True)
+class NodeCheck:
+    """A check of the machine that a worker is on: whether it reaches the dataset at `root`, and runs the code version `code`."""
+
+    root: str
+    code: str
+
+    def __call__(self) -> dict[str, str]:
+        """What decides how images look and must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
+        manifest = Dataset(Path(self.root)).manifest
+        mirror = mirror_of(manifest)
+        # asked of the store and not fetched: a mirror without a manifest is known for a worker's (run/slot/running.py)
+        if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
+            raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
+        if code_version() != self.code:
+            raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
+        return {"renderer": ensure_renderer()}
+
+
+SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine until it is written
+
+
+def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
+    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn from, then these. The entry with
+    the stamps that they have from now on; as it is for a dataset in a directory. Raises StoreError.
+
+    The episode's bytes are not kept on this machine.
+    """
+    mirror = mirror_of(dataset.root)
+    if mirror is None:
+        return record
+    store, path = AssetStore(dataset.bodies), dataset.episode(slot)
+    kept = [dataset.failure(slot, row["attempt"]) for row in record.attempts if row.get("kept")]
+    named = {key: store.path(key) for key in record.file.assets}
+    mirror.push(store.root.glob("*/*.npz") if kept else named.values())
+    mirror.push([*kept, *failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg"), dataset.log(slot)])
+    if not record.accepted:
+        mirror.delete([path])
+        return record
+    mirror.push([path])
+    stamps = {key: file_stamp(asset) for key, asset in named.items()}
+    sent = replace(record, file=replace(record.file, stamp=file_stamp(path), assets=stamps))
+    if slot.index >= SHOWN:
+        mirror.drop(path)
+    return sent

@@ -6,16 +6,13 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 
-@dataclass
 class Log:
     """A log that is being written; it is removed in the end unless it is to be kept."""
 
-    path: Path
-    keep: bool = False
+    keep = False
 
 
 @contextmanager
@@ -26,7 +23,7 @@ def worker_log(path: Path) -> Iterator[Log]:
     leaves the file as it is. Raises OSError.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    log = Log(path)
+    log = Log()
     with open(path, "a", encoding="utf-8", buffering=1) as file:
         _flush()
         kept = [(number, os.dup(number)) for number in (1, 2)]

@@ -15,39 +15,25 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.entries import Files
 from pipeline.data.ledger.files import group_of
 from pipeline.data.ledger.lookup import Lookup
+from pipeline.data.ledger.stamps import DAMAGED
 from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.store.mirror import free_space
+from pipeline.data.store.lock import Busy, exclusive
+from pipeline.data.store.mirror import free_space, mirror_of
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool
+from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import DONE, OPEN, SlotState, states
-from pipeline.run.verify.condemn import condemn
-from pipeline.run.verify.drawn import other_device
-from pipeline.run.verify.episode import Judged, judge_episode, judge_images
-from pipeline.run.verify.exports import check_export, exports_of
-from pipeline.run.verify.layout import (
-    check_attempts,
-    check_entry,
-    check_failures,
-    check_ledger,
-    check_provenance,
-    check_strays,
-    damaged_groups,
-    unrecorded,
-)
-from pipeline.run.verify.stored import check_assets, check_stage
+from pipeline.run.verify import layout
+from pipeline.run.verify.episode import Judged, judge_episode, judge_images, other_device
+from pipeline.run.verify.stored import check_assets, check_export, check_stage, exports_of
 from pipeline.run.verify.tally import Finding, Tally
 from pipeline.world.vulkan import ensure_renderer
 
 CONTACT_SECONDS, CONTACT_METRES = 0.1, 0.01
-EPISODE_SECONDS = 600.0
-"""What judging one episode may take before its worker counts as hung."""
-
-DIRECTORY_SECONDS = 24 * 3600.0
-"""The same for an export or a stage of annotations, each one job."""
+EPISODE_SECONDS = 600.0  # what judging one episode may take before its worker counts as hung
+DIRECTORY_SECONDS = 24 * 3600.0  # the same for an export or a stage of annotations, each one job
 
 
 @dataclass(frozen=True)
@@ -82,34 +68,37 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     recipe, tally, pool = installed_recipe(dataset), Tally(), pool or Pool()
     device = other_device(dataset, ensure_renderer()) if draw else ""
     root = str(dataset.root.resolve())
-    damaged = damaged_groups(dataset, recipe)
-    tally.add(check_ledger(dataset, recipe, damaged))
+    damaged = layout.damaged_groups(dataset, recipe)
+    tally.add(layout.check_ledger(dataset, recipe, damaged))
     entries, found = dataset.entries(recipe, ()), list(states(dataset, recipe))
     recorded = {*entries.slots, *entries.impossible}
     jobs = [Job(root, recipe, slot, 0 if device else draw) for slot, _ in found if slot in recorded]
     files = Files(dataset.episodes)
     without = [slot for slot, _ in found if slot not in recorded and files.there(slot)]
-    tally.add(unrecorded(dataset, slot) for slot in without if group_of(slot) not in damaged)  # else their ledger is to blame
+    # where the ledger is damaged, it is to blame
+    unknown = [dataset.episode(slot).relative_to(dataset.root) for slot in without if group_of(slot) not in damaged]
+    tally.add(Finding("files", f"{path}: has no ledger entry; {layout.AGAIN}") for path in unknown)
     stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
     with session(pool), tqdm(total=0, unit="job", disable=not progress, dynamic_ncols=True) as bar:
-        judged = list(_judge(jobs, pool, bar))
-        for each in judged:
-            tally.add_counted(each.looked, each.findings)
+
+        def counted(jobs: Iterable[Job]) -> list[Judged]:
+            found = list(_judge(jobs, pool, bar))
+            for each in found:
+                tally.add_counted(each.looked, each.findings)
+            return found
+
+        judged = counted(jobs)
         sound = [each for each in judged if each.sound]
-        annotated = list(_judge([Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages], pool, bar))
-        for each in annotated:
-            tally.add_counted(each.looked, each.findings)
+        annotated = counted(Job(root, recipe, directory=str(p.relative_to(dataset.root))) for p in stages)
         exports, hindered = exports_of(dataset), _hindrance(dataset, found, recorded, [*sound, *annotated])
         hindered = "not compared while the ledger is damaged" if damaged else hindered
         paths = tuple(str(dataset.episode(each.slot).resolve()) for each in sound)
         if not hindered:
-            compared = [Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports]
-            for each in _judge(compared, pool, bar):
-                tally.add_counted(each.looked, each.findings)
+            counted(Job(root, recipe, directory=str(p.relative_to(dataset.root)), episodes=paths) for p in exports)
     for place in exports if hindered else []:
         tally[f"export {place.name}"].note = hindered
-    tally.add(check_strays(dataset, recipe))
-    tally.add(check_failures(dataset, recipe))
+    tally.add(layout.check_strays(dataset, recipe))
+    tally.add(layout.check_failures(dataset, recipe))
     names = [(dataset.episode(each.slot).relative_to(dataset.root).as_posix(), each.assets) for each in sound]
     findings, decayed = check_assets(dataset, names)
     tally.add(findings)
@@ -118,8 +107,8 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     if damaged or entries.impossible:
         tally["attempts"].note = "not compared while the ledger is damaged"
     else:
-        tally.add(check_attempts(dataset, recipe, not waiting))
-    tally.add(check_provenance(dataset, not waiting))
+        tally.add(layout.check_attempts(dataset, recipe, not waiting))
+    tally.add(layout.check_provenance(dataset, not waiting))
     stale = sum(state.todo not in (DONE, OPEN) for _, state in found)
     notes = [f"{waiting} slots not built yet"] * bool(waiting)
     notes += [unnoted] * bool(unnoted)
@@ -206,7 +195,7 @@ def judge_one(job: Job, ledger: Lookup) -> Judged:
         else:
             found = check_stage(dataset, place, {dataset.episode(slot) for slot in job.recipe.slots()})
         return Judged(next(job.recipe.slots()), list(found))
-    record, findings = check_entry(dataset, job.recipe, job.slot, ledger)
+    record, findings = layout.check_entry(dataset, job.recipe, job.slot, ledger)
     if record is None or not record.accepted:
         return Judged(job.slot, findings)
     judged, there = judge_episode(dataset, job.recipe, job.slot, record), os.path.lexists(dataset.episode(job.slot))
@@ -239,3 +228,32 @@ def _summarise_meetings(tally: Tally, medians: dict[str, dict[str, float]]) -> N
         tally.add([Finding("meeting", "" if close else f"{task}: first contact is off by a median of {said}")])
         check = tally["meeting"]
         check.note = f"{check.note}, {said}" if check.note else f"medians: {said}"
+
+
+def condemn(dataset: Dataset, recipe: Recipe, bad: Collection[Slot], sound: Collection[Slot], assets: Iterable[Path]) -> str:
+    """Give the ledger entries of damaged episodes the stamp DAMAGED, take it from sound ones, and give damaged assets another time.
+
+    Returns why that cannot be done; empty if it was, or nothing is to be done. What is on an object store is not written.
+    """
+    entries = dataset.entries(recipe, ("stamp",))
+    stamps = zip(entries.slots, entries.table["stamp"].to_pylist(), strict=True)
+    said = {slot for slot, stamp in stamps if stamp == DAMAGED}
+    changed = dict.fromkeys(set(bad) - said, DAMAGED) | dict.fromkeys(said & set(sound), "")
+    touched = [path for path in assets if os.path.lexists(path)]
+    if not (changed or touched):
+        return ""
+    if mirror_of(dataset.root) is not None:
+        return "not noted for the build: the dataset is on a store"
+    try:
+        with exclusive(dataset.root):
+            ledger = Lookup(dataset.ledger)
+            found = [(slot, record) for slot in sorted(changed) if (record := ledger.record(slot.path)) and record.accepted]
+            if found:
+                dataset.ledger.add((slot, replace(old, file=replace(old.file, stamp=changed[slot]))) for slot, old in found)
+            for path in touched:
+                os.utime(path)
+    except Busy:
+        return "not noted for the build: another command is writing the dataset"
+    except OSError as error:
+        return f"not noted for the build: {error.strerror or error}"
+    return ""

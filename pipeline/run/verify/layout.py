@@ -12,10 +12,10 @@ from pipeline.data.dataset import REMAKE, Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger.columns import distinct
-from pipeline.data.ledger.files import Group
+from pipeline.data.ledger.files import Group, group_of
 from pipeline.data.ledger.lookup import Lookup
 from pipeline.data.ledger.records import SlotRecord
-from pipeline.data.ledger.table import PLACE
+from pipeline.data.ledger.table import PLACE, place_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import check_regular, read_regular
 from pipeline.data.recipe.model import Recipe, Slot
@@ -23,8 +23,7 @@ from pipeline.data.sealed import is_unchanged
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 AGAIN = "run the build again"
-PASSING = (".tmp", ".running")
-"""Files that come and go while a build runs."""
+PASSING = (".tmp", ".running")  # files that come and go while a build runs
 
 
 def damaged_groups(dataset: Dataset, recipe: Recipe) -> dict[Group, str]:
@@ -57,30 +56,21 @@ def check_ledger(dataset: Dataset, recipe: Recipe, damaged: Mapping[Group, str])
         yield Finding("ledger", f"ledger/{problem}; {AGAIN}")
 
 
-def unrecorded(dataset: Dataset, slot: Slot) -> Finding:
-    """An episode whose slot has no ledger entry."""
-    return Finding("files", f"{dataset.episode(slot).relative_to(dataset.root)}: has no ledger entry; {AGAIN}")
-
-
 def check_entry(dataset: Dataset, recipe: Recipe, slot: Slot, ledger: Lookup) -> tuple[SlotRecord | None, list[Finding]]:
     """The ledger entry of a slot, where it can be read, and what is wrong with it."""
-    name = f"{dataset.ledger.file((slot.cell.task, slot.cell.embodiment)).relative_to(dataset.root).as_posix()}: {slot.path}"
-    episode = dataset.episode(slot).relative_to(dataset.root)
+    file, episode = (p.relative_to(dataset.root) for p in (dataset.ledger.file(group_of(slot)), dataset.episode(slot)))
+    name = f"{file.as_posix()}: {slot.path}"
     try:
         record = ledger.find(slot.path)
         if record is None:
             raise ValueError("it is gone")
     except FAULTS as error:
         return None, [Finding("ledger", f"{name}: cannot be read ({line(error)}); {AGAIN}")]
-    cell = slot.cell
-    wanted = [
-        (cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, number, recipe.spec(slot, number).seed)
-        for number in range(len(record.attempts))
-    ]
-    columns = ("task", "embodiment", "level", "alpha", "domain", "slot", "attempt", "seed")
-    rows = [tuple(row.get(column) for column in columns) for row in record.attempts]
+    place = place_of(slot)[:-1]
+    wanted = [(*place, number, recipe.spec(slot, number).seed) for number in range(len(record.attempts))]
+    rows = [tuple(row.get(column) for column in (*PLACE[:-1], "attempt", "seed")) for row in record.attempts]
     right = rows == wanted and bool(rows or slot.variant)
-    remove = episode if record.accepted else dataset.ledger.file((cell.task, cell.embodiment)).relative_to(dataset.root)
+    remove = episode if record.accepted else file
     said = f"{name}: its attempts are not those of the recipe; undo any edit of manifest.yaml, else remove {remove} and {AGAIN}"
     findings = [observe("ledger", right, said)]
     if not record.accepted:

@@ -1,6 +1,6 @@
-"""What is stored beside the episodes: the assets they were drawn from, and their annotations."""
+"""What is stored beside the episodes: the assets they were drawn from, their annotations, and the exports."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -8,11 +8,16 @@ from typing import Any
 from pipeline.annotate.stage_key import annotation_key, stage_key
 from pipeline.annotate.store import CorruptAnnotation, Entry, read_entry
 from pipeline.data.assets import AssetError, AssetStore
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.keys import frames_digest
 from pipeline.data.parsing import parse_json
-from pipeline.data.reading import check_regular, read_regular
+from pipeline.data.reading import IRREGULAR, check_regular, read_regular
+from pipeline.data.store.mirror import fetch_below
+from pipeline.export import EXPORTERS
+from pipeline.export.common import FAILURES, ExportError, foreign_files, read_summary
+from pipeline.export.reuse import changed_files
+from pipeline.export.selection import select_episodes
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 RECOMPUTE = "run annotate again"
@@ -22,20 +27,10 @@ def check_assets(dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]
     """Check that the store holds, undamaged, the assets that each episode (name, assets by body) names; each is read once.
 
     Returns the findings, and all files that are missing or damaged."""
-    store, known = AssetStore(dataset.bodies), dict[str, str]()
+    store, known, findings = AssetStore(dataset.bodies), dict[str, str](), list[Finding]()
     holds = cache(partial(_holds, store))
-    findings = list(_asset_findings(dataset, named, known, holds))
-    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not holds(path)]
-    return findings, [*(store.path(key) for key, problem in known.items() if problem), *unnamed]
-
-
-def _asset_findings(
-    dataset: Dataset, named: Iterable[tuple[str, Mapping[str, str]]], known: dict[str, str], holds: Callable[[Path], bool]
-) -> Iterator[Finding]:
-    """As `check_assets`; what is wrong with each asset is put into `known`. `holds` tells of a file whether it is an asset."""
-    store = AssetStore(dataset.bodies)
     for name, assets in named:
-        yield observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again")
+        findings.append(observe("assets", assets, f"{name}: names no assets, so it cannot be drawn again"))
         for body, key in assets.items():
             if key not in known:
                 known[key] = ""
@@ -43,14 +38,17 @@ def _asset_findings(
                     store.get(key)
                 except AssetError as error:
                     known[key] = f"{line(error)} ({body} of {name})"
-                    yield Finding("assets", known[key].replace(f"{dataset.root}/", ""))
+                    findings.append(Finding("assets", known[key].replace(f"{dataset.root}/", "")))
     wanted = {store.path(key) for key in known}
     for path in sorted(p for p in dataset.bodies.rglob("*") if p.is_file() and p.suffix != ".tmp"):
         if path not in wanted and (path.suffix != ".npz" or not holds(path)):
-            yield Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it")
+            findings.append(Finding("strays", f"{path.relative_to(dataset.root)}: is no asset; remove it"))
+    unnamed = [path for path in store.root.glob("*/*.npz") if path.stem not in known and not holds(path)]
+    return findings, [*(store.path(key) for key, problem in known.items() if problem), *unnamed]
 
 
 def _holds(store: AssetStore, path: Path) -> bool:
+    """Whether a file of the store is an asset."""
     try:
         store.get(path.stem)
     except AssetError:
@@ -99,3 +97,41 @@ def _fits(check: str, name: str, entry: Entry, episode: Path, parameters: Mappin
         return
     if frames is not None:
         yield observe(check, frames == now, f"{name}: was made from other frames than its episode has now; {RECOMPUTE}")
+
+
+EXPORT_AGAIN = "export again"
+
+
+def exports_of(dataset: Dataset) -> list[Path]:
+    """Directories below exports/, sorted; what a process is just writing left out."""
+    root = dataset.root / "exports"
+    return sorted(p for p in root.iterdir() if not p.name.startswith(".")) if root.is_dir() else []
+
+
+def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Iterator[Finding]:
+    """One export against the episodes, all of which must be sound. Its directory may have any name; export.json says its format."""
+    check, where = f"export {place.name}", place.relative_to(dataset.root)
+    fetch_below(place)
+    try:
+        name = read_summary(place)["format"]
+        exporter = EXPORTERS[name]
+    except FAULTS as error:
+        yield Finding(check, f"{where}: cannot be read ({line(error)}); {EXPORT_AGAIN}, or remove it")
+        return
+    if irregular := [p for p in sorted(place.rglob("*")) if not p.is_file() and not p.is_dir()]:
+        yield Finding(check, f"{irregular[0].relative_to(dataset.root)}: {IRREGULAR} and {EXPORT_AGAIN}")
+        return
+    for path in foreign_files(place):
+        yield Finding("strays", f"{path.relative_to(dataset.root)}: is no part of the export; move it away")
+    try:
+        summary = read_summary(place)
+        if summary.get("split") == FAILURES:
+            episodes = dataset.intact_failures(dataset.recipe())
+        episodes = select_episodes(sorted(episodes), str(summary.get("where", "")))
+        problems = changed_files(place)
+        problems += exporter.check(dataset.root, place, episodes)
+    except (ExportError, DatasetError, *FAULTS) as error:
+        problems = [line(error)]
+    yield from (Finding(check, f"{problem.replace(f'{dataset.root}/', '')}; {EXPORT_AGAIN}") for problem in problems)
+    if not problems:
+        yield Finding(check)

@@ -1,7 +1,7 @@
 """What was looked at and what was wrong: one finding an observation, one check a promise."""
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -26,10 +26,15 @@ def observe(check: str, ok: object, problem: str) -> Finding:
     return Finding(check, "" if ok else problem)
 
 
-def line(error: BaseException) -> str:
-    """The message of an error in one line of at most 200 characters."""
+def named(name: str, findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Findings with the name of what has the problem before it."""
+    return (Finding(check, problem and f"{name}: {problem}") for check, problem in findings)
+
+
+def line(error: BaseException, path: object = "") -> str:
+    """The message of an error in one line of at most 200 characters, without the path that it may begin with."""
     said = error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else str(error)
-    return " ".join(said.split())[:200] or type(error).__name__
+    return " ".join(said.split())[:200].removeprefix(f"{path}: ") or type(error).__name__
 
 
 @dataclass

@@ -46,8 +46,3 @@ def test_the_page_is_self_contained(tmp_path):
     assert decoded.shape == (48, 64, 3)
     words = FAMILIES["mug"].draw(np.random.Generator(np.random.Philox(0))).words()
     assert words.seen[-1] in text
-
-
-def test_an_unknown_family_is_named(tmp_path):
-    with pytest.raises(KeyError, match="unicorn"):
-        write_gallery(tmp_path / "page.html", ["unicorn"])

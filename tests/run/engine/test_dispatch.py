@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, pick_executor
+from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes, pick_executor
 from pipeline.run.engine.ray_session import session
-from pipeline.run.engine.strikes import Strikes
 from tests.run.processes import title
 
 LONG = Limit[object](lambda _: 60.0)

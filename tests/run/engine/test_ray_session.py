@@ -18,7 +18,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.run.doctor.alive import RAY, judge_ray
 from pipeline.run.engine.pool import Pool
 from pipeline.run.engine.ray_session import session
-from pipeline.run.verify import verify
+from pipeline.run.verify.dataset import verify
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
 
 ROOT = Path(__file__).parents[3]

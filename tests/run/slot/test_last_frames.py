@@ -12,7 +12,7 @@ from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.planning.failure import PlanFailure
 from pipeline.report.summary import Material, cell_of, write_report
 from pipeline.run.names import recipe_from
-from pipeline.run.slot.last_frames import FRAMES, WIDTH, keep_last_frames
+from pipeline.run.slot.failures import FRAMES, WIDTH, keep_last_frames
 from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.scene import build_scene
 
