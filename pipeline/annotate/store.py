@@ -111,20 +111,3 @@ def load(dataset: Path, directory: str, episode: Path, names: Collection[str] | 
         return dict(read_entry(path).arrays)
     with open_hdf5(path) as f:
         return {name: np.asarray(f[name]) for name in names}
-
-
-__all__ = [
-    "CorruptAnnotation",
-    "Entry",
-    "annotation_path",
-    "check_entry",
-    "checksum",
-    "entry_header",
-    "episode_paths",
-    "find_stage",
-    "load",
-    "read_entry",
-    "stages_of",
-    "write_entry",
-    "write_stage",
-]
