@@ -17,7 +17,7 @@ from pipeline.evaluate.asking import ANSWER_SECONDS, load_once
 from pipeline.evaluate.case import BLIND, Case
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
-from pipeline.evaluate.film import FilmJob, film_id, filming, jpeg, read_strip, sheet
+from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policy import PolicyError, PolicyName, Start, staying
 from pipeline.evaluate.policy_contract import check_contract
@@ -85,7 +85,7 @@ def evaluate(
         tell("loading the policy")
         robots = dict.fromkeys(cell.embodiment for cell in wanted.cells)
         starts = tuple(start_of(get_embodiment(robot), wanted.setup, "") for robot in robots)
-        list(run(loading, [(wanted.policy, starts)]))
+        list(run(load_policy, [(wanted.policy, starts)]))
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
         results = Results(out / EPISODES, check_episode)
@@ -96,7 +96,7 @@ def evaluate(
         missing = _unforeseen([_job(wanted, case) for case in cases] for cases in admitted.values())
         missing = [job for job in missing if text_key(job.key) not in results]
         if missing:
-            for done, (job, row) in enumerate(run(episodes, missing), 1):
+            for done, (job, row) in enumerate(run(run_episode, missing), 1):
                 results.append(text_key(job.key), row)
                 tell(f"{done} of {len(missing)} episodes")
         rows = results.of(jobs)
@@ -130,7 +130,7 @@ def _film(wanted: Evaluation, admitted: Mapping[Cell, Sequence[Case]], out: Path
     chosen = [_job(wanted, case) for cases in admitted.values() for case in cases[: wanted.films]]
     jobs = [FilmJob(job, str(out / "films")) for job in chosen]
     missing = [job for job in jobs if not job.strip.exists()]
-    for done, _ in enumerate(run(filming, missing) if missing else (), 1):
+    for done, _ in enumerate(run(film, missing) if missing else (), 1):
         tell(f"{done} of {len(missing)} films")
 
 
@@ -155,11 +155,6 @@ def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
     return EpisodeJob(case, *common, wanted.answer_seconds)
 
 
-def loading() -> Callable[[tuple[PolicyName, tuple[Start, ...]]], None]:
-    """`load_policy`, as workers are given it."""
-    return load_policy
-
-
 @staying()
 def load_policy(wanted: tuple[PolicyName, Sequence[Start]]) -> None:
     """Load a policy, to see that it can be loaded and was made for such episodes. Raises PolicyError."""
@@ -172,12 +167,6 @@ def load_policy(wanted: tuple[PolicyName, Sequence[Start]]) -> None:
         raise PolicyError(f"policy {name.label}: {error}") from error
 
 
-def episodes() -> Callable[[EpisodeJob], Row]:
-    """`run_episode`, as workers are given it."""
-    return run_episode
-
-
-def inline(make: Callable[[], Callable[[Any], Any]], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
     """The runner of one process."""
-    work = make()
     return ((job, work(job)) for job in jobs)

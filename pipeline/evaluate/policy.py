@@ -159,12 +159,19 @@ def line_of(error: BaseException) -> str:
 
 def attribute(policy: object, name: str) -> Any:
     """An attribute of a policy, None if it has none. Raises PolicyError if its code fails."""
-    try:
+    with foreign(f"its attribute {name} cannot be read"):
         return getattr(policy, name, None)
+
+
+@contextmanager
+def foreign(what: str) -> Iterator[None]:
+    """Raise a PolicyError that begins with `what` for any error of foreign code in the block but KeyboardInterrupt."""
+    try:
+        yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise PolicyError(f"its attribute {name} cannot be read: {line_of(error)}") from error
+        raise PolicyError(f"{what}: {line_of(error)}") from error
 
 
 @contextmanager

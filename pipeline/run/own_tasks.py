@@ -10,7 +10,7 @@ from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks import TASKS, Task
-from pipeline.tasks.contract import families_of
+from pipeline.tasks.layout import families_of
 from pipeline.tasks.limits import Limit
 
 CATEGORIES = get_args(Category.__value__)

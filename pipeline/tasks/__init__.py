@@ -1,7 +1,8 @@
 """What a task is, and all tasks by name."""
 
 from pipeline.tasks import library
-from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, lay_out, middle, register, side_of
+from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, middle, register, side_of
+from pipeline.tasks.layout import lay_out
 
 __all__ = [
     "INTERCEPTION",

@@ -9,7 +9,6 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, track, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
 from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 
@@ -36,7 +35,6 @@ class PourSwayingPot(Task):
     motion = "sinusoid"
     limits = by_name(lift=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("pour_swaying_pot", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
