@@ -139,10 +139,10 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
     rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
     rows.sort(key=lambda row: row["key"])
     filmed = [(row, path) for row in rows if (path := out / "films" / f"{film_id(row['key'])}.jpg").exists()]
-    films = []
+    films = list[Film]()
     for row, path in filmed:
         moving = path.with_suffix(".mp4")
-        films.append(Film(caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
+        films.append((caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
     if filmed:
         write_atomic(out / "contact_sheet.jpg", jpeg(sheet([(caption(row), read_strip(path)) for row, path in filmed])))
     path = out / "index.html"

@@ -3,18 +3,3 @@
 from pipeline.tasks import library
 from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, middle, register, side_of
 from pipeline.tasks.layout import lay_out
-
-__all__ = [
-    "INTERCEPTION",
-    "TASKS",
-    "TRACKING",
-    "Draw",
-    "Placement",
-    "Region",
-    "Task",
-    "lay_out",
-    "library",
-    "middle",
-    "register",
-    "side_of",
-]

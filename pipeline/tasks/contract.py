@@ -8,6 +8,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -19,13 +20,34 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.workspace import Workspace
 from pipeline.registry import Registry, place_in
 from pipeline.tasks.language import has_templates, read_templates
-from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family, Slide, stands_for
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
+
+
+@dataclass(frozen=True)
+class Limit[T]:
+    """A number, or a tuple of numbers, under strict rules and under domino rules (None: the same).
+
+    `unit` is what it is counted in: "m", "rad" or "" for a plain number. A limit that decides only conditions which domino rules
+    do not ask for has no value under them.
+    """
+
+    strict: T
+    domino: T | None = None
+    unit: str = "m"
+
+    def under(self, rules: Rules) -> T:
+        """The value that holds under `rules`."""
+        return self.strict if rules.name == "strict" or self.domino is None else self.domino
+
+
+def by_name[T](**limits: Limit[T]) -> Mapping[str, Limit[T]]:
+    """Limits by name, read-only."""
+    return MappingProxyType(limits)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from pipeline.annotate.store import (
     CorruptAnnotation,
     check_entry,
     find_stage,
-    load,
     read_entry,
     stages_of,
     write_entry,
@@ -128,7 +127,3 @@ def test_find_stage_by_parameters(tmp_path: Path):
         find_stage(tmp_path, "flow")
     with pytest.raises(AnnotateError, match="no masks"):
         find_stage(tmp_path, "masks")
-    write_entry(tmp_path / "annotations/flow@aaaaaaaa/t/e.h5", "k", ARRAYS, {})
-    got = load(tmp_path, "flow@aaaaaaaa", Path("t/e.hdf5"), names=("flow",))
-    assert list(got) == ["flow"]
-    np.testing.assert_array_equal(got["flow"], ARRAYS["flow"])

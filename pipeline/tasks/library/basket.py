@@ -1,8 +1,7 @@
 """What tasks share that put a moving object in a basket and lift that with the other arm."""
 
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Task, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Limit, Task, by_name, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 

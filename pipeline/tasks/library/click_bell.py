@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.press import Press
-from pipeline.tasks.limits import Limit, by_name
 
 
 @register

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.set_down import SetDown
-from pipeline.tasks.limits import Limit, by_name
 
 
 @register

@@ -8,9 +8,8 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
-from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.set_down import SetDown
-from pipeline.tasks.limits import Limit, by_name
 
 
 @register

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.set_down import SetDown
-from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 
 EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np.pi))

@@ -7,9 +7,8 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, inverse, yawed
-from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
 from pipeline.tasks.library.set_down import SetDown
-from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 
 TO_THE_LEFT = yawed((0, 0, 0), np.pi)

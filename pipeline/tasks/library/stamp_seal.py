@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from pipeline.tasks.contract import Draw, Placement, Region, register, side_of
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register, side_of
 from pipeline.tasks.library.set_down import SetDown
-from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
 from pipeline.expert.skills import ROUND, carry, grasp, in_turn, lift, open_, pause, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 ABOVE = 0.03

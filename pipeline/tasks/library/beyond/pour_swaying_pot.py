@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, track, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 
