@@ -5,7 +5,6 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -124,7 +123,7 @@ class ClosedFormModel[M: ClosedForm](ABC):
     """A model of closed forms: `candidates` draws them, the first that keeps the request is taken."""
 
     version = 1
-    levels: Mapping[int, Level] = MappingProxyType(LEVELS)
+    levels: Mapping[int, Level] = LEVELS
 
     def __init__(self, motion: type[M]) -> None:
         self._motion = motion

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
@@ -16,12 +15,11 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
 from pipeline.evaluate.protocol import Runner
+from pipeline.poses import Floats
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from pipeline.evaluate.policy import BatchPolicy, Observation, PolicyError, Star
 from pipeline.evaluate.policy_contract import Contract
 from pipeline.evaluate.serving.history import CLOCK_TOLERANCE, Recent
 from pipeline.evaluate.trial import Trial
+from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute
 from training.puma.data import references
@@ -25,8 +26,6 @@ from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.track import Track, aims
 from training.puma.tracking import tools_of
-
-Floats = NDArray[np.float64]
 
 SURE = 0.8
 """How likely another choice of arms must be to replace the one that was made."""
