@@ -34,8 +34,9 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.annotate.selection import build_stages
 from pipeline.annotate.stable_cv import bit_stable
 from pipeline.annotate.stage import Stage, directory_of, encoded_frames
-from pipeline.annotate.store import annotation_path, episode_paths, read_entry
+from pipeline.annotate.store import episode_paths
 from pipeline.annotate.work import StageWorker
+from pipeline.data.annotations import annotation_path, read_entry
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import decode_frame
 from pipeline.run.annotate import annotate

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, Row, fill_in, read, report
-from benchmarks.foresighted import filling_foreseen
+from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Corrections
@@ -102,9 +102,7 @@ class Study:
     def foresighted(self, task: str, n: int) -> list[Demonstration]:
         """The demonstrations of the expert that follows a target whose future it knows."""
         recipe = self.recipe(task, n).model_copy(update={"expert": "reactive"})
-        return list(
-            make_demonstrations(recipe, self.demonstrations / "foresighted", lambda _, jobs: inline(filling_foreseen, jobs))
-        )
+        return list(make_demonstrations(recipe, self.demonstrations / "foresighted", lambda _, jobs: inline(fill_foreseen, jobs)))
 
     def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.annotate.features import area_weights
 from pipeline.annotate.masks import unpack
-from pipeline.annotate.store import CorruptAnnotation, Entry, annotation_path, find_stage, read_entry
+from pipeline.annotate.store import find_stage
+from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
 from pipeline.data.episode.file import open_episode
 
 MOVING_PX = 0.05

@@ -4,7 +4,6 @@ It separates two differences between the planned and the reactive expert of docs
 and knowing only the past.
 """
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -75,6 +74,6 @@ def meet_foreseen(sight: Sight, fps: int, scene: Scene, motion: TargetMotion, me
         return finish(scene, actor, STAGE)
 
 
-def filling_foreseen() -> Callable[[SlotJob], Demonstration | None]:
-    """The work of filling slots with this expert, as runners are given it."""
-    return lambda job: fill(job, partial(meet_foreseen, job.recipe.sight, job.recipe.fps))
+def fill_foreseen(job: SlotJob) -> Demonstration | None:
+    """As `fill`, by this expert."""
+    return fill(job, partial(meet_foreseen, job.recipe.sight, job.recipe.fps))

@@ -14,8 +14,8 @@ import torch
 
 from benchmarks.hardware import hardware
 from training.puma.bench import answering, made_up
-from training.puma.config import read_config
 from training.puma.model.puma import build_model
+from training.puma.reading import read_config
 from training.puma.train import sizes_of
 
 

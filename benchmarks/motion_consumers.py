@@ -18,7 +18,8 @@ from benchmarks.hardware import hardware
 from pipeline.data.dataset import Dataset
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
-from training.puma.config import Source, read_config
+from training.puma.config import Source
+from training.puma.reading import read_config
 from training.puma.shards import Shards
 
 CONFIG = "puma-tiny"

@@ -33,7 +33,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.intervals import bootstrap
 from pipeline.evaluate.summary import scene_of
 from pipeline.run.evaluation import evaluation_version
-from training.puma.config import read_config
+from training.puma.reading import read_config
 from training.puma.runs import LOG
 from training.puma.train import train
 

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,12 +50,8 @@ class Spent:
     processor: float
 
 
-def timed() -> Callable[[EpisodeJob], Spent]:
+def time_episode(job: EpisodeJob) -> Spent:
     """The work of a worker."""
-    return _time_episode
-
-
-def _time_episode(job: EpisodeJob) -> Spent:
     began = time.process_time()
     return Spent(run_episode(job)["periods"], time.process_time() - began)
 
@@ -104,7 +100,7 @@ def _run(jobs: Sequence[EpisodeJob], pool: Pool, wait: float | None) -> tuple[li
     with answer_together(wanted, pool, wait) as shared:
         warm = [replace(job, policy=shared.policy) for job in [*jobs[: pool.workers], *jobs]]
         found = list[Spent]()
-        for _, spent in runner(pool)(timed, warm):
+        for _, spent in runner(pool)(time_episode, warm):
             found.append(spent)
             ends.append((time.perf_counter(), time.process_time()))
     first = pool.workers

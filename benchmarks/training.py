@@ -15,8 +15,8 @@ import torch
 
 from benchmarks.hardware import hardware
 from training.puma.bench import learning, loading, made_up
-from training.puma.config import read_config
 from training.puma.model.puma import build_model
+from training.puma.reading import read_config
 from training.puma.train import sizes_of
 
 LOADER_FLOOR = 500

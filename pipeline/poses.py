@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Pose = NDArray[np.float64]
+Floats = NDArray[np.float64]
+Pose = Floats
 
 IDENTITY: Pose = np.array([0.0, 0, 0, 1, 0, 0, 0])
 IDENTITY.setflags(write=False)

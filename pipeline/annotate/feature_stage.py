@@ -12,7 +12,8 @@ from pipeline.annotate.models import ModelFiles, pick_device, resolve
 from pipeline.annotate.options import FeatureOptions
 from pipeline.annotate.stage import NotReady, Reading, Result, decode_frames, directory_of, encoded_frames, frames_inputs
 from pipeline.annotate.stage_key import annotation_key
-from pipeline.annotate.store import CorruptAnnotation, annotation_path, entry_header, read_entry
+from pipeline.annotate.store import entry_header
+from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_entry
 from pipeline.data.episode.file import EpisodeFile
 
 

@@ -9,11 +9,10 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, checksum, read_entry, stages_of
+from pipeline.data.annotations import CorruptAnnotation, Entry, checksum, read_entry, stages_of
 from pipeline.data.atomic import atomic_path, write_atomic
 from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.keys import canonical
@@ -99,32 +98,3 @@ def find_stage(dataset: Path, stage: str, **parameters: Any) -> str:
     if not fit:
         raise AnnotateError(f"{dataset} has no {wanted} annotations; run: domino-data annotate {dataset} --stages {stage}")
     raise AnnotateError(f"{dataset} has several {wanted} annotations ({', '.join(fit)}): give more parameters to choose one")
-
-
-def load(dataset: Path, directory: str, episode: Path, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
-    """Arrays of one episode (path relative to episodes/) from a stage's directory, for readers such as a data loader.
-
-    With `names` only those datasets are read, unchecked; without, all of them, checked as in `read_entry`.
-    """
-    path = annotation_path(dataset, directory, episode)
-    if names is None:
-        return dict(read_entry(path).arrays)
-    with open_hdf5(path) as f:
-        return {name: np.asarray(f[name]) for name in names}
-
-
-__all__ = [
-    "CorruptAnnotation",
-    "Entry",
-    "annotation_path",
-    "check_entry",
-    "checksum",
-    "entry_header",
-    "episode_paths",
-    "find_stage",
-    "load",
-    "read_entry",
-    "stages_of",
-    "write_entry",
-    "write_stage",
-]

@@ -13,7 +13,8 @@ from typing import Any
 
 from pipeline.annotate.stage import NotReady, Result, Stage, directory_of
 from pipeline.annotate.stage_key import AnnotateError, annotation_key
-from pipeline.annotate.store import CorruptAnnotation, annotation_path, check_entry, write_entry
+from pipeline.annotate.store import check_entry, write_entry
+from pipeline.data.annotations import CorruptAnnotation, annotation_path
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, open_episode
 

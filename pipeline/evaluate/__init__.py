@@ -5,5 +5,3 @@ from pipeline.gym_ids import env_id, register_ids
 from pipeline.tasks import TASKS
 
 register_ids(TASKS)
-
-__all__ = ["DominoEnv", "env_id"]

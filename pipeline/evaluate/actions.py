@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner, planner_of
+from pipeline.poses import Floats
 from pipeline.world.robots.contract import Embodiment
-
-Floats = NDArray[np.float64]
 
 POSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 """Entries of a tool pose in an end-effector action: metres in the world frame, quaternion wxyz."""

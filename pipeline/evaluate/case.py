@@ -18,7 +18,6 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
 from pipeline.stages.attempt import Phases, Rollout, attempt
-from pipeline.stages.failure import Failure
 
 UNSEEN = Setup(textures="unseen")
 """The setup of an environment that names none: the robot's cameras, and textures that training never shows."""
@@ -123,6 +122,3 @@ def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
 def expert_actions(case: Case) -> NDArray[np.float64]:
     """The expert's recorded actions (T,A), one a control period."""
     return expert(case.spec, case.setup).replay.log.action[:-1]
-
-
-__all__ = ["Case", "Failure", "admit", "expert", "expert_actions", "log_hash", "start_hash"]

@@ -8,7 +8,6 @@ that the robot may be held still or pushed (`perturb`): the expert then shows ho
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
@@ -24,11 +23,10 @@ from pipeline.evaluate.views import Eyes, Sight, instruction_of
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion
+from pipeline.poses import Floats
 from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
-
-Floats = NDArray[np.float64]
 
 STAGE = "correct"
 

@@ -17,7 +17,7 @@ from pipeline.evaluate.asking import ANSWER_SECONDS, load_once
 from pipeline.evaluate.case import BLIND, Case
 from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
-from pipeline.evaluate.film import FilmJob, film_id, filming, jpeg, read_strip, sheet
+from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policy import PolicyError, PolicyName, Start, staying
 from pipeline.evaluate.policy_contract import check_contract
@@ -85,7 +85,7 @@ def evaluate(
         tell("loading the policy")
         robots = dict.fromkeys(cell.embodiment for cell in wanted.cells)
         starts = tuple(start_of(get_embodiment(robot), wanted.setup, "") for robot in robots)
-        list(run(loading, [(wanted.policy, starts)]))
+        list(run(load_policy, [(wanted.policy, starts)]))
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
         results = Results(out / EPISODES, check_episode)
@@ -96,7 +96,7 @@ def evaluate(
         missing = _unforeseen([_job(wanted, case) for case in cases] for cases in admitted.values())
         missing = [job for job in missing if text_key(job.key) not in results]
         if missing:
-            for done, (job, row) in enumerate(run(episodes, missing), 1):
+            for done, (job, row) in enumerate(run(run_episode, missing), 1):
                 results.append(text_key(job.key), row)
                 tell(f"{done} of {len(missing)} episodes")
         rows = results.of(jobs)
@@ -130,7 +130,7 @@ def _film(wanted: Evaluation, admitted: Mapping[Cell, Sequence[Case]], out: Path
     chosen = [_job(wanted, case) for cases in admitted.values() for case in cases[: wanted.films]]
     jobs = [FilmJob(job, str(out / "films")) for job in chosen]
     missing = [job for job in jobs if not job.strip.exists()]
-    for done, _ in enumerate(run(filming, missing) if missing else (), 1):
+    for done, _ in enumerate(run(film, missing) if missing else (), 1):
         tell(f"{done} of {len(missing)} films")
 
 
@@ -139,10 +139,10 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
     rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
     rows.sort(key=lambda row: row["key"])
     filmed = [(row, path) for row in rows if (path := out / "films" / f"{film_id(row['key'])}.jpg").exists()]
-    films = []
+    films = list[Film]()
     for row, path in filmed:
         moving = path.with_suffix(".mp4")
-        films.append(Film(caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
+        films.append((caption(row), path.read_bytes(), moving.read_bytes() if moving.exists() else b""))
     if filmed:
         write_atomic(out / "contact_sheet.jpg", jpeg(sheet([(caption(row), read_strip(path)) for row, path in filmed])))
     path = out / "index.html"
@@ -153,11 +153,6 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
 def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
     common = (wanted.policy, wanted.clock, wanted.code, wanted.setup, wanted.split, wanted.compounding)
     return EpisodeJob(case, *common, wanted.answer_seconds)
-
-
-def loading() -> Callable[[tuple[PolicyName, tuple[Start, ...]]], None]:
-    """`load_policy`, as workers are given it."""
-    return load_policy
 
 
 @staying()
@@ -172,12 +167,6 @@ def load_policy(wanted: tuple[PolicyName, Sequence[Start]]) -> None:
         raise PolicyError(f"policy {name.label}: {error}") from error
 
 
-def episodes() -> Callable[[EpisodeJob], Row]:
-    """`run_episode`, as workers are given it."""
-    return run_episode
-
-
-def inline(make: Callable[[], Callable[[Any], Any]], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
     """The runner of one process."""
-    work = make()
     return ((job, work(job)) for job in jobs)

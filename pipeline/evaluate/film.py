@@ -1,7 +1,7 @@
 """Films of evaluated episodes: the episode is run once more and its state log drawn from the head camera."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,11 +36,6 @@ class FilmJob:
 def film_id(key: str) -> str:
     """The name of the film of an episode, by the key of its row."""
     return hashlib.sha256(key.encode()).hexdigest()[:16]
-
-
-def filming() -> Callable[[FilmJob], None]:
-    """`film`, as workers are given it."""
-    return film
 
 
 def film(job: FilmJob) -> None:

@@ -10,12 +10,11 @@ from math import ceil
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.evaluate.trial import Trial
+from pipeline.poses import Floats
 
-Floats = NDArray[np.float64]
 Join = Literal["switch", "blend", "rtc"]
 
 Question = Callable[[Floats], tuple[Floats, float]]

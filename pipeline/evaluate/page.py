@@ -1,28 +1,20 @@
 """The page of an evaluation: one HTML file with its tables, its films, and what others report beside them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from pipeline.evaluate.plot import panels
 from pipeline.evaluate.published import PUBLISHED
 from pipeline.evaluate.summary import Row
 from pipeline.html import render_page
 
-
-@dataclass(frozen=True)
-class Film:
-    """A strip (JPEG bytes) and a film (mp4 bytes, b"" without) of an episode, with its caption."""
-
-    caption: str
-    strip: bytes
-    mp4: bytes
+type Film = tuple[str, bytes, bytes]
+"""The caption of an episode, a strip (JPEG bytes) and a film (mp4 bytes, b"" without)."""
 
 
 def page(cells: Sequence[Row], means: Sequence[Row], films: Sequence[Film] = (), code: str = "") -> str:
     """The page's text. `cells` and `means` are those of summary.py; `code` names the version of the program."""
     said = f"Code {code[:12]}." if code else ""
-    shown = [(film.caption, film.strip, film.mp4) for film in films]
-    tables = {"cells": cells, "means": means, "panels": panels(means), "films": shown, "published": PUBLISHED}
+    tables = {"cells": cells, "means": means, "panels": panels(means), "films": films, "published": PUBLISHED}
     episodes = sum(cell["episodes"] for cell in cells)
     return render_page("pipeline.evaluate", "evaluation.html", episodes=episodes, code=said, **tables)
 

@@ -21,11 +21,10 @@ from pipeline.evaluate.adapters.robotwin import RobotwinForm
 from pipeline.evaluate.adapters.xpolicylab import XPolicyLabForm
 from pipeline.evaluate.policy import Policy, PolicyError, PolicyName, Start, line_of
 from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Static, Tapper
+from pipeline.evaluate.serving import groot, openpi, starvla
 from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
-from pipeline.evaluate.serving.groot import GrootForm
-from pipeline.evaluate.serving.openpi import OpenpiForm
+from pipeline.evaluate.serving.form import ServerForm
 from pipeline.evaluate.serving.probe import probe_policy
-from pipeline.evaluate.serving.starvla import StarvlaForm
 from pipeline.registry import Registry
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
@@ -44,11 +43,9 @@ class Form(Protocol):
 
     def name(self, text: str) -> PolicyName:
         """Check that the policy exists, without making it. Raises PolicyError."""
-        ...
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError if it cannot be made."""
-        ...
 
 
 FORMS = Registry[Form]("kind of policy")
@@ -69,9 +66,9 @@ for _name, _policy in (
 
 for _name, _form in (
     *((scheme, RemoteForm()) for scheme in SCHEMES),
-    ("openpi", OpenpiForm()),
-    ("starvla", StarvlaForm()),
-    ("gr00t", GrootForm()),
+    ("openpi", ServerForm(openpi.OpenpiClient, openpi.PORT, ("execute", "size"))),
+    ("starvla", ServerForm(starvla.StarvlaClient, starvla.PORT, starvla.OPTIONS)),
+    ("gr00t", ServerForm(groot.GrootClient, groot.PORT, ("execute",))),
     ("robotwin", RobotwinForm()),
     ("xpolicylab", XPolicyLabForm()),
     ("lerobot", LerobotForm()),

@@ -87,11 +87,9 @@ class Policy(Protocol):
 
     def reset(self, start: Start) -> None:
         """An episode begins."""
-        ...
 
     def act(self, observation: Observation) -> ArrayLike:
         """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control period."""
-        ...
 
 
 class BatchPolicy(ABC):
@@ -135,7 +133,6 @@ class SeesTruth(Protocol):
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial that begins and its case; called after `reset`."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -159,12 +156,19 @@ def line_of(error: BaseException) -> str:
 
 def attribute(policy: object, name: str) -> Any:
     """An attribute of a policy, None if it has none. Raises PolicyError if its code fails."""
-    try:
+    with foreign(f"its attribute {name} cannot be read"):
         return getattr(policy, name, None)
+
+
+@contextmanager
+def foreign(what: str) -> Iterator[None]:
+    """Raise a PolicyError that begins with `what` for any error of foreign code in the block but KeyboardInterrupt."""
+    try:
+        yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise PolicyError(f"its attribute {name} cannot be read: {line_of(error)}") from error
+        raise PolicyError(f"{what}: {line_of(error)}") from error
 
 
 @contextmanager

@@ -25,8 +25,8 @@ SCHEMA = 3
 MOST_SEEDS = 10_000_000
 """Seeds that a manifest may have tried."""
 
-Runner = Callable[[Callable[[], Callable[[Any], Any]], Sequence[Any]], Iterator[tuple[Any, Any]]]
-"""Runs jobs here or on workers and yields (job, result) in any order. It takes a function that makes the work."""
+Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any]]]
+"""Does the work of jobs here or on workers and yields (job, result) in any order. Workers import the work by its name."""
 
 
 class ProtocolError(DominoError):
@@ -147,7 +147,7 @@ class Manifests:
             batches = {m.cell: m.next_batch(episodes) for m in short}
             jobs = [SeedJob(cell, seed, self.setup.physics) for cell, batch in batches.items() for seed in batch]
             found: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
-            for job, result in run(admission, jobs):
+            for job, result in run(try_seed, jobs):
                 found[job.cell][job.seed] = result
                 if len(found[job.cell]) == len(batches[job.cell]):
                     manifests[job.cell].extend(found[job.cell])
@@ -168,11 +168,6 @@ class SeedJob:
         """The episode to be solved."""
         c = self.cell
         return EpisodeSpec(c.task, c.embodiment, c.level, c.alpha, c.domain, 0, self.seed)
-
-
-def admission() -> Callable[[SeedJob], Case | str]:
-    """`try_seed`, as workers are given it."""
-    return try_seed
 
 
 def try_seed(job: SeedJob) -> Case | str:

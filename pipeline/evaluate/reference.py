@@ -6,7 +6,7 @@ All but `random` are shown the simulation. They run the task's own script and di
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.evaluate.case import Case, expert_actions
 from pipeline.evaluate.policy import LONGEST_CHUNK, Observation, PolicyError, Start
@@ -14,9 +14,7 @@ from pipeline.evaluate.scripted import Rehearsal, live, rehearse
 from pipeline.evaluate.trial import Trial
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner
-from pipeline.poses import Pose
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, Pose
 
 FIRST_GUESSES = (2.0, 1.0, 3.0)
 """s; when the robot may meet the target: where the target is then may be out of reach although the meeting point is not."""

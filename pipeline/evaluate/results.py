@@ -55,9 +55,6 @@ class Results:
     def __contains__(self, key: str) -> bool:
         return key in self._rows
 
-    def __getitem__(self, key: str) -> dict[str, Any]:
-        return self._rows[key]
-
     def append(self, key: str, row: Mapping[str, Any]) -> None:
         """Add the row of an episode; it is on disk when this returns. Raises OSError if the disk refuses."""
         stored = {"key": key, **row}

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.rules import Rules
@@ -13,11 +12,9 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.planning.failure import PlanFailure
-from pipeline.poses import Pose, compose, inverse
+from pipeline.poses import Floats, Pose, compose, inverse
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,9 +38,9 @@ def numbers(rows: Sequence[Row]) -> Row:
     low, high = wilson(successes, len(rows))
     out: Row = {"episodes": len(rows), "success_rate": 100 * successes / len(rows), "success_interval": [100 * low, 100 * high]}
     out["solved_seeds"] = sorted(row["seed"] for row in rows if row["success"])
-    for key, short in (("route_completion", "route_completion"), ("manipulation_score", "manipulation_score")):
+    for key in ("route_completion", "manipulation_score"):
         values = [row[key] for row in rows]
-        out |= {key: float(np.mean(values)), f"{short}_interval": list(bootstrap(values))}
+        out |= {key: float(np.mean(values)), f"{key}_interval": list(bootstrap(values))}
     holds = [row["hold"] for row in rows if row.get("hold") is not None]
     out["hold"] = float(np.mean(holds)) if holds else None
     failures = Counter(row["failure"] for row in rows if row["failure"])
@@ -55,15 +55,14 @@ def numbers(rows: Sequence[Row]) -> Row:
     }
 
 
-def over_tasks(
-    rows: Sequence[Row], by: Sequence[str] = ("policy", "clock", "rules", "embodiment", "level", "alpha", "domain")
-) -> list[Row]:
+def over_tasks(rows: Sequence[Row]) -> list[Row]:
     """Means of cells over their tasks, all and by category (interception, tracking); every task counts the same.
 
     The interval of the success rate is Wilson's for T^2 / sum(1/n) episodes, n those of each of T tasks: wider than need be where
     tasks differ, and no point where all episodes end alike. That of the scores is a bootstrap over episodes inside each task.
     """
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
+    by = [key for key in CELL if key != "task"]
     for row in rows:
         for category in ("all", row["category"]):
             cells[(*(row[key] for key in by), category)][row["task"]].append(row)

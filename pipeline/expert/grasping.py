@@ -16,11 +16,9 @@ from pipeline.planning.path import IsFree
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.scene import Carried
 from pipeline.planning.trajectory import ArmTrajectory
-from pipeline.poses import Pose, compose, inverse, pose, quat_about, quat_rotate
+from pipeline.poses import Floats, Pose, compose, inverse, pose, quat_about, quat_rotate
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.shapes import Collider
-
-Floats = NDArray[np.float64]
 
 _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with the jaws exchanged
 

@@ -13,11 +13,10 @@ from pipeline.expert.skills import grasp, in_turn, lift, open_, place, resting_p
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.scene import Obstacle
-from pipeline.poses import Pose, compose, inverse, yawed
+from pipeline.poses import Floats, Pose, compose, inverse, yawed
 from pipeline.world.body import TABLE_TOP
 from pipeline.world.footprints import apart
 
-Floats = NDArray[np.float64]
 Goals = Sequence[Sequence[Pose]]
 """Those of GraspOptions: lists of poses (7,) of the body, of each of which one must be reached."""
 

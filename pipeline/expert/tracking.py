@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from pipeline.data.clock import PHYSICS_HZ
@@ -12,9 +11,7 @@ from pipeline.expert.reactive.controller import SAME_BRANCH, part_of
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner
-from pipeline.poses import Pose, compose
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, Pose, compose
 
 TRACK = "track"
 """Name of the runs of skills that are carried along."""

@@ -5,7 +5,6 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -121,12 +120,17 @@ class Along(ClosedForm):
 
 
 class ClosedFormModel[M: ClosedForm](ABC):
-    """A model of closed forms: `candidates` draws them, the first that keeps the request is taken."""
+    """A model of closed forms: `candidates` draws them, the first that keeps the request is taken.
+
+    Raises MotionError for a motion without one of its formulas.
+    """
 
     version = 1
-    levels: Mapping[int, Level] = MappingProxyType(LEVELS)
+    levels: Mapping[int, Level] = LEVELS
 
     def __init__(self, motion: type[M]) -> None:
+        if missing := sorted(getattr(motion, "__abstractmethods__", ())):
+            raise MotionError(f"motion {motion.kind!r}: has no {', '.join(missing)}: write it in {motion.__name__}")
         self._motion = motion
 
     @property

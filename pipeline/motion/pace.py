@@ -5,15 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.motion.contract import Level, Request
+from pipeline.motion.contract import Request, described
 
 Array = NDArray[np.float64]
 
-LEVELS = {
-    1: Level("constant speed", "#2563eb"),
-    2: Level("speed that changes smoothly", "#059669"),
-    3: Level("two or three abrupt speeds", "#d97706"),
-}
+LEVELS = described("constant speed", "speed that changes smoothly", "two or three abrupt speeds")
 
 SLOWEST = 0.5
 """Shares of alpha between which the mean speed is drawn: from this to 1."""

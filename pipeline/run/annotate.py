@@ -13,8 +13,9 @@ from tqdm import tqdm
 from pipeline.annotate.options import AnnotateOptions
 from pipeline.annotate.selection import STAGES, Absent, build_for_dry_run, build_stages, select_episodes
 from pipeline.annotate.stage import Render, Stage, directory_of
-from pipeline.annotate.store import annotation_path, write_stage
+from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import Outcome, StageWorker
+from pipeline.data.annotations import annotation_path
 from pipeline.data.atomic import sweep
 from pipeline.data.store.lock import exclusive
 from pipeline.run.engine.dispatch import run

@@ -15,6 +15,7 @@ from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.hosting import host_policy
 from pipeline.evaluate.policies import identify
 from pipeline.evaluate.policy import PolicyError, PolicyName
+from pipeline.evaluate.protocol import Runner
 from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.run.engine.dispatch import run
 from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
@@ -66,18 +67,15 @@ def answer_together(wanted: Evaluation, pool: Pool, wait: float | None) -> Itera
         yield replace(wanted, policy=policy)
 
 
-Runner = Callable[[Callable[[], Callable[[Any], Any]], Sequence[Any]], Iterator[tuple[Any, Any]]]
-
-
 def runner(pool: Pool, seconds: float = EPISODE_SECONDS) -> Runner:
-    """A function (make, jobs) that yields (job, result) as jobs end. A job that loses its worker is tried a second time.
+    """A function (work, jobs) that yields (job, result) as jobs end. A job that loses its worker is tried a second time.
 
     It raises EngineError where a job takes two workers with it, and what the work raises.
     """
 
-    def each(make: Callable[[], Callable[[Any], Any]], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    def each(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         waiting, strikes = deque(jobs), Strikes(pool.workers)
-        with closing(run(make, waiting, pool, Limit(lambda _: seconds))) as ends:
+        with closing(run(lambda: work, waiting, pool, Limit(lambda _: seconds))) as ends:
             for end in ends:
                 match end:
                     case Done(job, result):

@@ -19,7 +19,8 @@ from pipeline.motion.models import MODELS, levels_of
 from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Draw, expand_tasks, families_of
+from pipeline.tasks.contract import Draw, expand_tasks
+from pipeline.tasks.layout import families_of
 from pipeline.tasks.needed_arms import can_do
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS

@@ -10,8 +10,8 @@ from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks import TASKS, Task
-from pipeline.tasks.contract import families_of
-from pipeline.tasks.limits import Limit
+from pipeline.tasks.contract import Limit
+from pipeline.tasks.layout import families_of
 
 CATEGORIES = get_args(Category.__value__)
 MOST_STEPS = 10_000

@@ -75,7 +75,7 @@ def plain(value: object) -> str:
 
 def skill_functions() -> str:
     """Skills and what they do."""
-    every = {name: getattr(skills, name) for name in skills.__all__ if callable(getattr(skills, name))}
+    every = {name: found for name, found in sorted(vars(skills).items()) if callable(found) and not name.startswith("_")}
     every |= {name: getattr(scripts, name) for name in ("set_down_on", "let_go")}
     lines = [(signature(name, f), first_paragraph(f)) for name, f in every.items()]
     lines.append(("`kinds`, `goals`, `standoff`, `pitch` of `grasp`", whole(GraspOptions)))

@@ -75,6 +75,3 @@ def hint(reason: str, details: Iterable[str] = ()) -> str:
 def hint_of(reason: str, refused: Counter[str]) -> str:
     """As `hint`, from the motions refused by each check."""
     return NO_MOTION_HINTS[refused.most_common(1)[0][0]] if refused else HINTS.get(reason, "")
-
-
-__all__ = ["HINTS", "NO_MOTION_HINTS", "hint", "hint_of", "refusals"]

@@ -133,6 +133,3 @@ def rest(actor: Actor, task: Task, seconds: float = 0.4) -> None:
     actor.simulation.release()
     actor.wait(seconds)
     actor.wait((-actor.simulation.steps % (PHYSICS_HZ // actor.recorder.fps)) / PHYSICS_HZ)
-
-
-__all__ = ["Scene", "build_scene", "rest", "success_time"]

@@ -134,6 +134,3 @@ def _link_boxes(embodiment: Embodiment) -> NDArray[np.float64]:
                 points = transform(at[link.name], piece.support_points())
                 boxes.append((points.min(0), points.max(0)))
     return np.array(boxes)
-
-
-__all__ = ["clutter", "embodiment_of", "occluded", "table_drop"]

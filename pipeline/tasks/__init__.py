@@ -1,19 +1,5 @@
 """What a task is, and all tasks by name."""
 
 from pipeline.tasks import library
-from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, lay_out, middle, register, side_of
-
-__all__ = [
-    "INTERCEPTION",
-    "TASKS",
-    "TRACKING",
-    "Draw",
-    "Placement",
-    "Region",
-    "Task",
-    "lay_out",
-    "library",
-    "middle",
-    "register",
-    "side_of",
-]
+from pipeline.tasks.contract import INTERCEPTION, TASKS, TRACKING, Draw, Placement, Region, Task, middle, register, side_of
+from pipeline.tasks.layout import lay_out

@@ -8,7 +8,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -18,18 +18,36 @@ from pipeline.data.errors import DominoError
 from pipeline.data.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.workspace import Workspace
-from pipeline.planning.failure import PlanFailure
-from pipeline.poses import Pose, compose, yawed
 from pipeline.registry import Registry, place_in
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.language import has_templates, read_templates
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
-from pipeline.world.footprints import apart, outline_of
 from pipeline.world.objects.contract import FAMILIES, Family, Slide, stands_for
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
+
+
+@dataclass(frozen=True)
+class Limit[T]:
+    """A number, or a tuple of numbers, under strict rules and under domino rules (None: the same).
+
+    `unit` is what it is counted in: "m", "rad" or "" for a plain number. A limit that decides only conditions which domino rules
+    do not ask for has no value under them.
+    """
+
+    strict: T
+    domino: T | None = None
+    unit: str = "m"
+
+    def under(self, rules: Rules) -> T:
+        """The value that holds under `rules`."""
+        return self.strict if rules.name == "strict" or self.domino is None else self.domino
+
+
+def by_name[T](**limits: Limit[T]) -> Mapping[str, Limit[T]]:
+    """Limits by name, read-only."""
+    return MappingProxyType(limits)
 
 
 @dataclass(frozen=True)
@@ -108,9 +126,9 @@ class Task(ABC):
     limit "lift" makes `conditions` ask that the manipulated body was once that much higher than where it began. `own_conditions`
     names those which domino rules do not ask for, because the original does not.
     `families` names the object families that it may ask for; without it they are found by `families_of`.
-    `seen` and `unseen` are read from phrases/<name>.txt beside the module unless the class gives them; there must be `least_seen`
-    and `least_unseen` of them. `suite` is the set of tasks that it belongs to: its folder in the library, or "own" for a task from
-    outside.
+    `seen` and `unseen` are read from phrases/<name>.txt beside the module unless the class gives them, or inherits them and has no
+    such file; there must be `least_seen` and `least_unseen` of them. `suite` is the set of tasks that it belongs to: its folder in
+    the library, or "own" for a task from outside.
     """
 
     name: ClassVar[str] = ""
@@ -213,7 +231,7 @@ def register[T: Task](cls: type[T]) -> type[T]:
     cls.manipulated = cls.manipulated or cls.target
     folder = cls.__module__.removeprefix(LIBRARY).rpartition(".")[0]
     cls.suite = (folder or DOMINO) if cls.__module__.startswith(LIBRARY) else cls.suite or "own"
-    if not hasattr(cls, "seen"):
+    if "seen" not in vars(cls) and (has_templates(name, cls.__module__) or not hasattr(cls, "seen")):
         cls.seen, cls.unseen = read_templates(name, cls.__module__)
     for split, templates, least in (("seen", cls.seen, cls.least_seen), ("unseen", cls.unseen, cls.least_unseen)):
         if len(templates) < least:
@@ -222,85 +240,9 @@ def register[T: Task](cls: type[T]) -> type[T]:
     return cls
 
 
-TRIALS = 32
-"""Layouts that are drawn to find the families of a task."""
-
-
-_LAYOUTS = 50
-"""Layouts that are drawn until all bodies find room."""
-
-_POSES = 20
-"""Poses that are drawn for a body before its layout is given up."""
-
-
-class _Recording(Draw):
-    """Records which families a layout may ask for: all that it chooses from, not only those that are drawn."""
-
-    def __init__(self, seed: int) -> None:
-        super().__init__(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
-        self.families = set[str]()
-
-    def one_of(self, *families: str, **given: Any) -> Family:
-        self.families.update(families)
-        return super().one_of(*families, **given)
-
-
-@cache
-def families_of(task: Task) -> frozenset[str]:
-    """Object families that a task depends on, known before any of its scenes is made: those that its class declares, or all that
-    TRIALS of its layouts, drawn from fixed seeds, choose from and place. `lay_out` refuses any other."""
-    if task.families:
-        return frozenset(task.families)
-    found = set[str]()
-    for seed in range(TRIALS):
-        draw = _Recording(seed)
-        placed = {name_of(placement.instance) for placement in task.layout(draw)}
-        found |= placed | draw.families
-    return frozenset(found)
-
-
 def side_of(body: Body) -> str:
     """The arm beside a body: left for x < 0."""
     return "left" if body.pose[0] < 0 else "right"
-
-
-def lay_out(
-    task: Task,
-    draw: Draw,
-    in_view: Callable[[np.ndarray], bool] = lambda point: True,
-    suits: Callable[[dict[str, Body]], bool] = lambda bodies: True,
-) -> dict[str, Body]:
-    """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
-
-    `in_view` is asked for the middle (3,) of the target, which the head camera must see at the manipulation pose.
-
-    A layout that leaves no room for its last bodies is drawn again, and so is one that `suits` refuses. Raises
-    PlanFailure("layout") after _LAYOUTS.
-    """
-    why = ""
-    for _ in range(_LAYOUTS):
-        bodies: dict[str, Body] = {}
-        for p in task.layout(draw):
-            if p.inside:
-                pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
-            else:
-                others = [b for b in bodies.values() if not b.inside]
-                pose = _free_pose(p, others, draw.placement, in_view if p.name == task.target else None)
-            if pose is None:
-                why = f"no free place for {p.name}"
-                break
-            family = name_of(p.instance)
-            if family_of(p.instance) not in families_of(task):
-                declared = ", ".join(repr(name) for name in sorted({*families_of(task), family}))
-                raise UndeclaredFamily(
-                    f"task {task.name}: places a {family}, which its keys do not name: write families = ({declared})"
-                )
-            bodies[p.name] = Body(p.name, family, p.instance, pose, p.fixed, p.inside, p.slide, p.borne)
-        else:
-            if suits(bodies):
-                return bodies
-            why = "the layouts do not suit the robot"
-    raise PlanFailure("layout", why)
 
 
 def name_of(instance: Family) -> str:
@@ -322,32 +264,3 @@ def drawn_kind(family: str, rules: Rules, rng: np.random.Generator) -> type[Fami
 def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
     """World point (3,) half way up a body: what the head camera must see of a target."""
     return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])
-
-
-def _drawn_pose(region: Region, rng: np.random.Generator) -> Pose:
-    x, y = rng.uniform(min(region.x), max(region.x)), rng.uniform(*region.y)
-    return yawed((x, y, region.z), rng.uniform(*region.yaw))
-
-
-def _free_pose(
-    p: Placement,
-    others: Iterable[Body],
-    rng: np.random.Generator,
-    in_view: Callable[[np.ndarray], bool] | None,
-) -> np.ndarray | None:
-    box = p.instance.shape().aabb()
-    for _ in range(_POSES):
-        pose = _drawn_pose(p.region, rng)
-        if in_view is not None and not in_view(middle(pose, p.instance)):
-            continue
-        if abs(pose[0]) < p.region.away_from_centre or np.hypot(*pose[:2]) < p.region.away_from_origin:
-            continue
-        if all(_far_enough(p, (pose, box), other) for other in others):
-            return pose
-    return None
-
-
-def _far_enough(p: Placement, outline: tuple[np.ndarray, np.ndarray], other: Body) -> bool:
-    """Whether a body with this outline keeps its gap and its least distance from another one."""
-    distance = float(np.hypot(*(outline[0][:2] - other.pose[:2])))
-    return distance >= p.distances.get(other.name, 0.0) and apart(outline, outline_of(other), p.gap)

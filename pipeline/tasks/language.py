@@ -36,7 +36,17 @@ CLAUSE = re.compile(r"[,;:.!?]")
 def beside(module: str) -> Traversable:
     """The folder of a module, which need not be in a package."""
     package = module.rpartition(".")[0]
-    return files(package) if package else Path(str(sys.modules[module].__file__)).parent
+    return files(package) if package else Path(getattr(sys.modules[module], "__file__", "")).parent
+
+
+def _phrases(task: str) -> str:
+    """Where the templates of a task are, beside its module."""
+    return f"phrases/{task}.txt"
+
+
+def has_templates(task: str, module: str) -> bool:
+    """Whether a file of templates of the task is beside a module."""
+    return beside(module).joinpath(_phrases(task)).is_file()
 
 
 def read_templates(task: str, module: str = "pipeline.tasks.library.any") -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -45,7 +55,7 @@ def read_templates(task: str, module: str = "pipeline.tasks.library.any") -> tup
 
     Empty lines do not count. Raises LanguageError, naming the file, if it is missing or not of this form.
     """
-    where = f"phrases/{task}.txt"
+    where = _phrases(task)
     try:
         text = beside(module).joinpath(where).read_text("utf-8")
     except FileNotFoundError as missing:

@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 
 from pipeline.data.names import SIDES
-from pipeline.tasks.contract import TRIALS, Draw, Task, lay_out
+from pipeline.tasks.contract import Draw, Task
+from pipeline.tasks.layout import TRIALS, lay_out
 from pipeline.world.body import Body
 
 

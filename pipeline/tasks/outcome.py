@@ -4,6 +4,7 @@ Every question can be asked of every frame of an episode and answers False if it
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -35,19 +36,10 @@ class Outcome:
 
     def until(self, frames: int) -> "Outcome":
         """The same episode cut after its first `frames` frames."""
-        log = self.log
-        cut = StateLog(
-            times=log.times[:frames],
-            bodies=log.bodies,
-            poses=log.poses[:frames],
-            joints=log.joints,
-            qpos=log.qpos[:frames],
-            qvel=log.qvel[:frames],
-            vector_names=log.vector_names,
-            state=log.state[:frames],
-            action=log.action[:frames],
-            tcp=log.tcp[:frames],
-            target_velocity=log.target_velocity[:frames],
+        log, rows = self.log, ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")
+        cut = replace(
+            log,
+            **{name: getattr(log, name)[:frames] for name in rows},
             contacts=log.contacts[log.contacts["frame"] < frames],
             events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
         )

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Draw, lay_out
+from pipeline.tasks.contract import Draw
 from pipeline.tasks.language import Wording, instructions
+from pipeline.tasks.layout import lay_out
 
 SEED, COUNT = 0, 58
 INTRODUCTION = """# Instructions

@@ -13,7 +13,8 @@ from pipeline.annotate.masks import pack, unpack
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet, mask_overlay
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.annotate.store import annotation_path, episode_paths, find_stage, read_entry, write_entry, write_stage
+from pipeline.annotate.store import episode_paths, find_stage, write_entry, write_stage
+from pipeline.data.annotations import annotation_path, read_entry
 from pipeline.run.annotate import Execution, annotate
 from tests.annotate import tiny
 from tests.synthetic import HALF, episode_path, make_episode

@@ -9,16 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.annotate.stage_key import AnnotateError, annotation_key, stage_key
-from pipeline.annotate.store import (
-    CorruptAnnotation,
-    check_entry,
-    find_stage,
-    load,
-    read_entry,
-    stages_of,
-    write_entry,
-    write_stage,
-)
+from pipeline.annotate.store import check_entry, find_stage, write_entry, write_stage
+from pipeline.data.annotations import CorruptAnnotation, read_entry, stages_of
 from pipeline.data.keys import arrays_digest, frames_digest
 
 ARRAYS = {"flow": np.arange(24, dtype=np.float16).reshape(3, 2, 2, 2), "mask": np.eye(64, dtype=np.uint8)[None].repeat(3, 0)}
@@ -128,7 +120,3 @@ def test_find_stage_by_parameters(tmp_path: Path):
         find_stage(tmp_path, "flow")
     with pytest.raises(AnnotateError, match="no masks"):
         find_stage(tmp_path, "masks")
-    write_entry(tmp_path / "annotations/flow@aaaaaaaa/t/e.h5", "k", ARRAYS, {})
-    got = load(tmp_path, "flow@aaaaaaaa", Path("t/e.hdf5"), names=("flow",))
-    assert list(got) == ["flow"]
-    np.testing.assert_array_equal(got["flow"], ARRAYS["flow"])

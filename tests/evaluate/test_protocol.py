@@ -23,7 +23,7 @@ MOTION = PlanarMotion.still([0.1, 0.2, 0.74, 1, 0, 0, 0], 2.0).to_json()
 def pretend(solved, calls=None):
     """A runner that has an expert who solves the seeds for which `solved` holds; jobs end in reverse order."""
 
-    def run(make, jobs):
+    def run(work, jobs):
         for job in reversed(list(jobs)):
             if calls is not None:
                 calls.append((job.cell.level, job.seed))

@@ -100,7 +100,7 @@ def test_what_is_lifted_and_brought_counts():
 def test_the_expert_runs_once_for_the_scenes_of_an_environment(monkeypatch, tmp_path):
     env = make("click_bell", level=0, scenes=2, manifests=tmp_path)
     first, _ = env.reset(seed=5)
-    monkeypatch.setattr(protocol, "admission", None)
+    monkeypatch.setattr(protocol, "try_seed", None)
     again, _ = make("click_bell", level=0, scenes=2, manifests=tmp_path).reset(seed=5)
     assert (first == again).all()
     found = {env.reset()[0].tobytes() for _ in range(12)}

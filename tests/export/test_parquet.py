@@ -11,8 +11,8 @@ import pytest
 
 from pipeline.annotate.masks import pack
 from pipeline.annotate.stage import encoded_frames, frames_inputs, sim_reading
-from pipeline.annotate.store import annotation_path, write_entry, write_stage
-from pipeline.data.annotations import Entry
+from pipeline.annotate.store import write_entry, write_stage
+from pipeline.data.annotations import Entry, annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError, check_exports

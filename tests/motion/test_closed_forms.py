@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from pipeline.motion.closed_form import MotionError, first_that_fits
 from pipeline.motion.contract import NoMotion, Request, Streams, derived
 from pipeline.motion.models import MODELS, motion_from_json
+from pipeline.motion.models.ballistic import Ballistic, BallisticModel
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_multiply, quat_rotate, yawed
 
@@ -206,3 +207,9 @@ def test_what_was_pushed_is_slowed_by_friction_and_struck_by_cushions(level, see
         assert after[:2] @ n == pytest.approx(-motion.restitution * (before[:2] @ n), rel=1e-5)
         rubbed = (before - after)[:2] @ along  # what the surface gains in spin, the disc loses in speed: I = m r^2 / 2
         assert motion.radius * (after - before)[5] / 2 == pytest.approx(rubbed, abs=1e-6)
+
+
+def test_a_motion_without_a_formula_is_refused_before_any_is_drawn():
+    unborne = type("Unborne", (Ballistic,), {"kind": "unborne"})
+    with pytest.raises(MotionError, match="motion 'unborne': has no carried: write it in Unborne"):
+        BallisticModel(unborne)

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from pipeline.annotate.masks import pack
-from pipeline.annotate.store import annotation_path, write_entry, write_stage
+from pipeline.annotate.store import write_entry, write_stage
+from pipeline.data.annotations import annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.state_log import SkillRun

@@ -13,7 +13,7 @@ import pytest
 from pipeline.annotate.flow import Colour
 from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.annotate.store import read_entry
+from pipeline.data.annotations import read_entry
 from pipeline.data.errors import DominoError
 from pipeline.data.store.lock import Busy, exclusive
 from pipeline.run.annotate import Execution, annotate

@@ -2,12 +2,11 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
@@ -16,12 +15,11 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
 from pipeline.evaluate.protocol import Runner
+from pipeline.poses import Floats
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +87,6 @@ class SlotJob:
     slot: Slot
 
 
-def filling() -> Callable[[SlotJob], Demonstration | None]:
-    """`fill`, as workers are given it."""
-    return fill
-
-
 def fill(job: SlotJob, perform: Perform | None = None) -> Demonstration | None:
     """The episode that a build of this recipe accepts for the slot, without images; None if it gives the slot up.
 
@@ -116,7 +109,7 @@ def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[De
     """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
     slots = list(recipe.physical_slots())
     missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
-    for job, found in run(filling, missing) if missing else ():
+    for job, found in run(fill, missing) if missing else ():
         write_atomic(_path(where, job.slot), b"" if found is None else found.to_bytes())
     for slot in slots:
         if _path(where, slot).stat().st_size:

@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.planning.kinematics import fk_batch
 from pipeline.planning.planner import planner_for
+from pipeline.poses import Floats
 from training.ladder.features import State
-
-Floats = NDArray[np.float64]
 
 
 def disturbances(embodiment: str, frames: int, untouched: int, spread: float, rng: np.random.Generator) -> Floats:

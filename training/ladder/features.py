@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.state_log import StateLog
-from pipeline.poses import quat_rotate
+from pipeline.poses import Floats, quat_rotate
 from pipeline.world.objects import Family
-
-Floats = NDArray[np.float64]
 
 INPUTS = ("position", "velocity", "two_frames")
 """Rungs: where everything is now; and the target's velocity; and how bodies moved since a moment ago."""

@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import DEFAULT_FPS
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats
 
 FARTHEST = 8.0
 """Standard deviations from the mean at which inputs are clipped."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.evaluate.adapters.files import digest_of
 from pipeline.evaluate.adapters.settings import parse_settings
@@ -13,8 +13,6 @@ from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyNam
 from pipeline.evaluate.trial import Trial
 from training.ladder.features import State, features, reference, target_first
 from training.ladder.network import Network
-
-Floats = NDArray[np.float64]
 
 
 class StatePolicy:

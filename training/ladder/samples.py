@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
+from pipeline.poses import Floats
 from pipeline.world.robots import get_embodiment
 from training.ladder.demonstrations import Demonstration
 from training.ladder.disturb import disturbances, disturbed
 from training.ladder.features import chunks, earlier, features
 from training.ladder.network import Settings
-
-Floats = NDArray[np.float64]
 
 
 class LadderError(DominoError):

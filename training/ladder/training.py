@@ -2,12 +2,8 @@
 
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipeline.poses import Floats
 from training.ladder.network import Network, Settings, scale, scaled
-
-Floats = NDArray[np.float64]
 
 OTHERS, CHOICE = 0.05, 0.1
 """Weights in the loss: of the answers that are not the best, which keeps all of them alive; of saying which one is the best."""

@@ -18,11 +18,12 @@ from training.puma.config import Config, Source
 from training.puma.data import Corpus, Part, preprocessing_of
 from training.puma.flops import forward_flops, peak_flops
 from training.puma.loader import Loader
+from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.shards import Row
 from training.puma.track import track_numbers
-from training.puma.train import groups, on, sizes_of
+from training.puma.train import groups, sizes_of
 
 EPISODE = 100
 """Frames of a made-up episode."""
@@ -98,7 +99,7 @@ def learning(corpus: Corpus, network: Puma, device: torch.device) -> dict[str, f
         _wait(device)
 
     def bare() -> None:
-        empty = network.queries.new_zeros(len(inputs), _extras(network), network.queries.shape[1])
+        empty = network.queries.new_zeros(len(inputs), len(network.extra), network.queries.shape[1])
         with half:
             network.backbone(inputs, empty, network.queries).float().sum().backward()
         network.zero_grad()
@@ -131,7 +132,7 @@ def answering(corpus: Corpus, network: Puma, device: torch.device, compiled: boo
         policy.act(Observation(np.zeros(len(JOINTS)), "press the bell now", frame / prep.fps, images))
     now = Observation(np.zeros(len(JOINTS)), "press the bell now", prep.stride * prep.history_length / prep.fps, images)
     inputs = policy.inputs(now).to(device)
-    empty = network.queries.new_zeros(1, _extras(network), network.queries.shape[1])
+    empty = network.queries.new_zeros(1, len(network.extra), network.queries.shape[1])
 
     def bare() -> None:
         with torch.inference_mode():
@@ -166,10 +167,6 @@ def report(config: Config, compiled: bool = False) -> dict[str, float | str]:
         for part in parts:
             found |= {name: float(f"{value:.4g}") for name, value in part.items()}
     return found
-
-
-def _extras(network: Puma) -> int:
-    return len(network.extra)
 
 
 def _wait(device: torch.device) -> None:

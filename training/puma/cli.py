@@ -26,7 +26,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program t
 
 def configuration(name: str, settings: list[str] | None, data: list[Path] | None) -> "Config":
     """A configuration by its name, with settings "key=value", and with datasets, whose paths hold from any directory."""
-    from training.puma.config import read_config
+    from training.puma.reading import read_config
 
     extra = [f"data.sources={json.dumps([{'dataset': str(path.absolute())} for path in data])}"] if data else []
     return read_config(name, [*extra, *(settings or [])])
@@ -167,7 +167,7 @@ def memory(
 @app.command(cls=BoundedCommand)
 def configs() -> None:
     """List the configurations that come with the package."""
-    from training.puma.config import CONFIGS, names
+    from training.puma.reading import CONFIGS, names
 
     for name in names():
         first = (CONFIGS / f"{name}.yaml").read_text().splitlines()[0]

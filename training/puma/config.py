@@ -1,6 +1,6 @@
 """What is trained, on what, and how: read from YAML, every key with a default, unknown keys refused."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,11 +8,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from pipeline.data.names import CAMERAS, MOUNTED
-from pipeline.data.parsing import LARGEST_NUMBER, SHOWN, ParseError, bounded, parse_yaml, read_yaml, show_value
+from pipeline.data.parsing import LARGEST_NUMBER, SHOWN, bounded, show_value
 from training.puma.errors import TrainError
-
-CONFIGS = Path(__file__).parent / "configs"
-"""Configurations that come with the package, one YAML file each."""
 
 _Beta = Annotated[float, Field(ge=0, lt=1)]
 _Size = tuple[Annotated[int, Field(ge=16, le=4096)], Annotated[int, Field(ge=16, le=4096)]]
@@ -290,23 +287,6 @@ class Config(_Part):
         return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
 
 
-def read_config(name: str, settings: Sequence[str] = ()) -> Config:
-    """A configuration by the name of one that comes with the package, or by a file, changed by settings such as `train.steps=10`.
-
-    A file may name another one under `extends`; its own keys come on top. Raises TrainError, one line.
-    """
-    values = _merge(_path(name))
-    for setting in settings:
-        key, sign, text = setting.partition("=")
-        if not sign:
-            raise TrainError(f"--set {setting!r}: write key=value, for example train.steps=1000")
-        try:
-            _put(values, key.split("."), parse_yaml(text))
-        except ParseError as error:
-            raise TrainError(f"--set {show_value(setting)}: {' '.join(str(error).split())}") from error
-    return parse_config(values, name)
-
-
 def parse_config(values: Mapping[str, Any], where: str) -> Config:
     """A configuration from plain values. Raises TrainError naming `where` and the key."""
     try:
@@ -316,52 +296,3 @@ def parse_config(values: Mapping[str, Any], where: str) -> Config:
         key = ".".join(map(str, first["loc"]))[:SHOWN]
         said = "is unknown" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
         raise TrainError(f"{where}: {key}{': ' if key and said != 'is unknown' else ' ' if key else ''}{said}") from error
-
-
-def names() -> list[str]:
-    """Configurations that come with the package."""
-    return sorted(path.stem for path in CONFIGS.glob("*.yaml"))
-
-
-def _path(name: str) -> Path:
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml", ".json"):
-        return path
-    if name not in names():
-        raise TrainError(f"--config {name!r} is unknown: give a YAML file or one of {', '.join(names())}")
-    return CONFIGS / f"{name}.yaml"
-
-
-def _merge(path: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
-    path = path.resolve()
-    if path in above:
-        raise TrainError(f"{path}: extends itself")
-    try:
-        values = read_yaml(path) or {}
-    except ParseError as error:
-        raise TrainError(str(error)) from error
-    if not isinstance(values, dict):
-        raise TrainError(f"{path}: is not a mapping of keys to values")
-    base = values.pop("extends", None)
-    if base is None:
-        return values
-    if not isinstance(base, str):
-        raise TrainError(f"{path}: extends is not the name of a file beside it (got {show_value(base)})")
-    return _over(_merge(path.parent / f"{base}.yaml", (*above, path)), values)
-
-
-def _over(base: dict[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """`top` on `base`, mappings merged key by key."""
-    out = dict(base)
-    for key, value in top.items():
-        old = out.get(key)
-        out[key] = _over(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
-    return out
-
-
-def _put(values: dict[str, Any], keys: list[str], value: Any) -> None:
-    for key in keys[:-1]:
-        values = values.setdefault(key, {})
-        if not isinstance(values, dict):
-            raise ParseError(f"{key} is not a part of the configuration")
-    values[keys[-1]] = value

@@ -106,14 +106,14 @@ def targets_of(arrays: Arrays) -> Targets:
     return Targets(**{name: torch.from_numpy(arrays[name]) for name in names})
 
 
-def validation_batches(part: Part, config: Config, corpus: Corpus, words: Words) -> Iterator[tuple[Inputs, Targets, Arrays]]:
+def validation_batches(part: Part, config: Config, corpus: Corpus, words: Words) -> Iterator[tuple[Inputs, Targets]]:
     """Evenly spaced frames of a part, the same every time, at most `train.validation_samples`."""
     count = min(len(part), config.train.validation_samples)
     places = np.linspace(0, len(part) - 1, count).round().astype(np.int64)
     for start in range(0, count, config.train.batch):
         some = places[start : start + config.train.batch]
         arrays, texts = mixed_batch([part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing)
-        yield inputs_of(arrays, texts, config, words), targets_of(arrays), arrays
+        yield inputs_of(arrays, texts, config, words), targets_of(arrays)
 
 
 def generator(seed: Sequence[int]) -> np.random.Generator:

@@ -1,7 +1,6 @@
 """A trained policy that acts: history by simulated time, one network pass a chunk, and how chunks follow each other."""
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import batched
@@ -16,7 +15,9 @@ from pipeline.data.setup import Setup
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policy import BatchPolicy, Observation, PolicyError, Start
 from pipeline.evaluate.policy_contract import Contract
+from pipeline.evaluate.serving.history import CLOCK_TOLERANCE, Recent
 from pipeline.evaluate.trial import Trial
+from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute
 from training.puma.data import references
@@ -25,9 +26,6 @@ from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.track import Track, aims
 from training.puma.tracking import tools_of
-
-Floats = NDArray[np.float64]
-CLOCK_TOLERANCE = 1e-3  # s
 
 SURE = 0.8
 """How likely another choice of arms must be to replace the one that was made."""
@@ -44,25 +42,6 @@ class Chunk:
     actions: Floats
 
 
-class Past:
-    """Glances of one episode by time; only as many are kept as a history can reach back."""
-
-    def __init__(self, preprocessing: Preprocessing) -> None:
-        self._prep = preprocessing
-        self._reach = preprocessing.history_length * preprocessing.stride / preprocessing.fps
-        self._held: deque[tuple[float, NDArray[np.uint8]]] = deque()
-
-    def add(self, time: float, rgb: NDArray[np.uint8]) -> None:
-        """Remember what was seen."""
-        self._held.append((time, self._prep.glance(rgb)))
-        while len(self._held) > 1 and self._held[1][0] <= time - self._reach + CLOCK_TOLERANCE:
-            self._held.popleft()
-
-    def at(self, time: float) -> tuple[float, NDArray[np.uint8]]:
-        """Time and glance of the newest one that is not younger than `time`, or the oldest one there is."""
-        return next((pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE), self._held[0])
-
-
 @dataclass(eq=False)
 class Memory:
     """What a policy remembers of one episode.
@@ -71,7 +50,7 @@ class Memory:
     passes.
     """
 
-    past: Past
+    past: Recent
     track: Track | None = None
     choice: int | None = None
     chunks: list[Chunk] = field(default_factory=list[Chunk])
@@ -99,7 +78,8 @@ class PumaPolicy(BatchPolicy):
         self.period = 1 if preprocessing.sight else self.period
         self.setup = Setup.parse(preprocessing.setup) if preprocessing.setup else None
         self.contract = Contract(preprocessing.names, preprocessing.source_sizes, preprocessing.fps, self.period)
-        self._episode = Memory(Past(preprocessing))
+        self._reach = preprocessing.history_length * preprocessing.stride / preprocessing.fps
+        self._episode = Memory(Recent(self._reach))
 
     @classmethod
     def load(cls, folder: Path, device: str = "auto", compiled: bool = False, batch: int | None = None) -> "PumaPolicy":
@@ -124,14 +104,14 @@ class PumaPolicy(BatchPolicy):
                 f"robot: the policy has {', '.join(self.preprocessing.embodiments)}, the evaluation {start.embodiment}"
             )
         sight = self.preprocessing.sight
-        return Memory(Past(self.preprocessing), Track(sight) if sight else None)
+        return Memory(Recent(self._reach), Track(sight) if sight else None)
 
     def act_together(self, asked: Sequence[tuple[Memory, Observation]]) -> list[Floats]:
         """The next `period` joint targets (period,A) of each episode."""
         step = 1 / self.preprocessing.fps
         if self.preprocessing.history != "none":
             for memory, seen in asked:
-                memory.past.add(seen.time, seen.images[self.preprocessing.cameras[0]])
+                memory.past.add(seen.time, self.preprocessing.glance(seen.images[self.preprocessing.cameras[0]]))
         for memory, seen in asked:
             if memory.track is not None and self._network.finder is not None:
                 [points], [errors] = self._network.finder.find(seen.images[self.preprocessing.cameras[0]][None])

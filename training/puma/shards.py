@@ -13,7 +13,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.annotate.stage_key import AnnotateError
-from pipeline.annotate.store import CorruptAnnotation, annotation_path, entry_header, find_stage, read_entry
+from pipeline.annotate.store import entry_header, find_stage
+from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_entry
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS

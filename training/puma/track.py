@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics, project
-from pipeline.poses import quat_rotate
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, quat_rotate
 
 AXES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """The points of a target that are found, in its frame, in units of the finder's reach: its origin, and one on each of two axes."""

@@ -19,6 +19,7 @@ from training.puma.data import Corpus, open_corpus
 from training.puma.errors import TrainError
 from training.puma.flops import peak_flops, step_flops
 from training.puma.loader import Batch, Loader, Share, validation_batches
+from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, Sizes, build_model
 from training.puma.parallel import in_shares, is_shared, one_first, prepare, share_weights, shell_of, start_accelerator, whole
 from training.puma.runs import LOG
@@ -246,7 +247,7 @@ def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict
     scale = torch.tensor(corpus.preprocessing.action.spread, dtype=torch.float32, device=device)
     with torch.no_grad():
         for part in corpus.validation:
-            for inputs, targets, _ in validation_batches(part, network.config, corpus, network.words):
+            for inputs, targets in validation_batches(part, network.config, corpus, network.words):
                 targets = on(targets, device)
                 outputs = network(inputs.to(device))
                 for name, value in network.losses(outputs, targets).items():
@@ -269,7 +270,3 @@ def parts_of(batch: Batch, parts: int) -> list[Batch]:
 
 def _slice[T](values: T, rows: slice) -> T:
     return type(values)(**{name: None if v is None else v[rows] for name, v in vars(values).items()})
-
-
-def on[T](values: T, device: torch.device | str) -> T:
-    return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})

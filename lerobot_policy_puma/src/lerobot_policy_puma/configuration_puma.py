@@ -7,7 +7,8 @@ from lerobot.configs.types import NormalizationMode
 from lerobot.optim.optimizers import AdamWConfig
 from lerobot.optim.schedulers import CosineDecayWithWarmupSchedulerConfig
 
-from training.puma.config import Config, read_config
+from training.puma.config import Config
+from training.puma.reading import read_config
 
 
 @PreTrainedConfig.register_subclass("puma")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 
-from pipeline.evaluate.policy import PolicyError, line_of
+from pipeline.evaluate.policy import PolicyError, foreign
 
 CODE = (".py", ".yml", ".yaml", ".json")
 WEIGHTS = (".pt", ".pth", ".ckpt", ".bin", ".safetensors", ".npz", ".npy", ".pkl", ".onnx", ".h5", ".msgpack")
@@ -56,10 +56,6 @@ def module_of(path: Path) -> ModuleType:
     if spec is None or spec.loader is None:
         raise PolicyError(f"{path}: is no Python file")
     module = importlib.util.module_from_spec(spec)
-    try:
+    with foreign(f"{path}: cannot be loaded"):
         spec.loader.exec_module(module)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise PolicyError(f"{path}: cannot be loaded: {line_of(error)}") from error
     return module

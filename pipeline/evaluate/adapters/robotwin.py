@@ -18,7 +18,7 @@ from pipeline.evaluate.adapters.files import digest_of, files_of
 from pipeline.evaluate.adapters.robotwin_env import RobotwinRobot, TaskEnv
 from pipeline.evaluate.adapters.settings import Settings, parse_settings
 from pipeline.evaluate.adapters.turns import Turns
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, line_of
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, foreign
 
 FILE = "deploy_policy.py"
 
@@ -59,12 +59,8 @@ class RobotwinPolicy:
 
     def _make_model(self, arguments: dict[str, Any]) -> Any:
         """The model. Raises PolicyError: what cannot be loaded now cannot be loaded for any other episode."""
-        try:
+        with foreign(f"{self._settings.path}: get_model failed"):
             return self._code.get_model(arguments)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise PolicyError(f"{self._settings.path}: get_model failed: {line_of(error)}") from error
 
     def _play(self, env: TaskEnv) -> None:
         while True:
@@ -90,12 +86,8 @@ def load_package(folder: Path) -> ModuleType:
     """The module deploy_policy of a package, which may import its neighbours. Raises PolicyError if it cannot be loaded."""
     if str(folder.parent) not in sys.path:
         sys.path.insert(0, str(folder.parent))
-    try:
+    with foreign(f"{folder / FILE}: cannot be loaded"):
         return importlib.import_module(f"{folder.name}.deploy_policy")
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise PolicyError(f"{folder / FILE}: cannot be loaded: {line_of(error)}") from error
 
 
 def user_arguments(settings: Settings, arm_dims: dict[str, int]) -> dict[str, Any]:

@@ -3,17 +3,15 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
 from pipeline.evaluate.actions import ActionError, ToolPoses, check_action
 from pipeline.evaluate.adapters.turns import Turns
 from pipeline.evaluate.policy import Observation, Start
 from pipeline.planning.planner import planner_of
-from pipeline.poses import compose, pose
+from pipeline.poses import Floats, compose, pose
 from pipeline.world.robots import get_embodiment
-
-Floats = NDArray[np.float64]
 
 BEHIND_TCP = 0.12
 """m; the original's tool poses are this far behind the tool centre point, along its x axis."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
 from pipeline.evaluate.actions import ActionError
@@ -19,13 +19,11 @@ from pipeline.evaluate.adapters.robotwin_env import BEHIND_TCP, RobotwinRobot
 from pipeline.evaluate.adapters.settings import parse_settings
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
 from pipeline.planning.planner import planner_of
-from pipeline.poses import compose, pose
+from pipeline.poses import Floats, compose, pose
 from pipeline.world.robots import get_embodiment
 
 METHODS = ("reset", "update_obs", "get_action")
 CAMERAS = {HEAD: "cam_head", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist", OBSERVER: "cam_third_view"}
-
-Floats = NDArray[np.float64]
 
 
 class XPolicyLabRobot:

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, line_of_text
-from pipeline.evaluate.serving.address import Address, parse_address, token
+from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, Start, line_of_text
+from pipeline.evaluate.serving.address import Address, token
 from pipeline.evaluate.serving.fit import first_rows
 from pipeline.evaluate.serving.wire import LARGEST, WireError, array_of, unpack
 
@@ -31,7 +31,7 @@ class GrootClient:
     """A policy on a GR00T server; `execute` rows of every chunk are executed, all by default."""
 
     def __init__(self, address: Address) -> None:
-        self._url, self._execute = address.url("tcp"), address.number("execute")
+        self._text, self._url, self._execute = address.text, address.url("tcp"), address.number("execute")
         self._socket: Any = None
         self._parts: dict[str, slice] = {}
 
@@ -89,6 +89,13 @@ class GrootClient:
             raise NoAnswer(f"{self._url}: the server failed: {line_of_text(found['error'])}")
         return found
 
+    def greet(self) -> None:
+        """Ping the server. Raises PolicyError."""
+        try:
+            self.ask("ping")
+        except ModuleNotFoundError as error:
+            raise PolicyError(f"--policy {self._text} needs pyzmq: install domino-data[gr00t]") from error
+
     def close(self) -> None:
         """End the connection."""
         if self._socket is not None:
@@ -110,24 +117,6 @@ class GrootClient:
         return self._socket
 
 
-class GrootForm:
-    """The form gr00t://HOST:PORT?execute=N of a policy's name."""
-
-    def name(self, text: str) -> PolicyName:
-        """Ping the server. Raises PolicyError."""
-        try:
-            policy = GrootClient(_address(text))
-            policy.ask("ping")
-        except ModuleNotFoundError as error:
-            raise PolicyError(f"--policy {text} needs pyzmq: install domino-data[gr00t]") from error
-        policy.close()
-        return PolicyName(text, _address(text).label())
-
-    def make(self, text: str) -> Policy:
-        """The client."""
-        return GrootClient(_address(text))
-
-
 def parts_of(names: tuple[str, ...]) -> dict[str, slice]:
     """Slices of the joint vector by part: left_joints, left_gripper, right_joints, right_gripper."""
     out: dict[str, slice] = {}
@@ -136,10 +125,6 @@ def parts_of(names: tuple[str, ...]) -> dict[str, slice]:
         part = name if name == f"{side}_gripper" else f"{side}_joints"
         out[part] = slice(out[part].start if part in out else i, i + 1)
     return out
-
-
-def _address(text: str) -> Address:
-    return parse_address(text, PORT, ("execute", "label"))
 
 
 def _encode(value: object) -> dict[str, Any]:

@@ -24,31 +24,44 @@ class HistorySettings:
     sent: int = 224
 
 
-class History:
-    """What one episode has shown, by simulated time: an image is as old as it is said to be, however long the policy thought."""
+class Recent:
+    """Images of one episode by simulated time, for `reach` s: each is as old as it is said to be, however long the policy
+    thought."""
 
-    def __init__(self, settings: HistorySettings, fps: int) -> None:
-        self._settings, self._period = settings, settings.stride / fps
+    def __init__(self, reach: float) -> None:
+        self._reach = reach
         self._held: deque[tuple[float, Image]] = deque()
 
     def add(self, time: float, image: Image) -> None:
-        """Remember an image (H,W,3) RGB."""
-        reach = self._settings.length * self._period
-        self._held.append((time, _resize(image, self._settings.kept)))
-        while len(self._held) > 1 and self._held[1][0] <= time - reach + CLOCK_TOLERANCE:
+        """Remember an image."""
+        self._held.append((time, image))
+        while len(self._held) > 1 and self._held[1][0] <= time - self._reach + CLOCK_TOLERANCE:
             self._held.popleft()
+
+    def at(self, time: float) -> tuple[float, Image]:
+        """Time and image of the newest one that is no younger than `time`, or the oldest one there is."""
+        return next((pair for pair in reversed(self._held) if pair[0] <= time + CLOCK_TOLERANCE), self._held[0])
+
+
+class History:
+    """What one episode has shown, as StarVLA takes it."""
+
+    def __init__(self, settings: HistorySettings, fps: int) -> None:
+        self._settings, self._period = settings, settings.stride / fps
+        self._held, self._now = Recent(settings.length * self._period), 0.0
+
+    def add(self, time: float, image: Image) -> None:
+        """Remember an image (H,W,3) RGB."""
+        self._now = time
+        self._held.add(time, _resize(image, self._settings.kept))
 
     def images(self) -> list[Image]:
         """The history of the image added last, oldest first; the first image of the episode stands for what is missing."""
-        now, settings = self._held[-1][0], self._settings
-        past = [self._at(now - n * self._period) for n in range(settings.length, 0, -1)]
+        settings = self._settings
+        *past, present = (self._held.at(self._now - n * self._period)[1] for n in range(settings.length, -1, -1))
         if settings.flow:
-            past = [flow_image(a, b) for a, b in zip(past, [*past[1:], self._held[-1][1]], strict=True)]
+            past = [flow_image(a, b) for a, b in zip(past, [*past[1:], present], strict=True)]
         return [_resize(image, settings.sent) for image in past]
-
-    def _at(self, time: float) -> Image:
-        """The newest image that is no younger than `time`, or the oldest one."""
-        return next((image for t, image in reversed(self._held) if t <= time + CLOCK_TOLERANCE), self._held[0][1])
 
 
 def _resize(image: Image, size: int) -> Image:

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of, policy_seed
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, Start, chunk_of, policy_seed
 from pipeline.evaluate.policy_contract import check_contract
-from pipeline.evaluate.serving.address import Address, parse_address, token
+from pipeline.evaluate.serving.address import Address, token
 from pipeline.evaluate.serving.fit import DATASET_CAMERAS, first_rows, pad_to_square
 from pipeline.evaluate.serving.session import Session, array, text
 from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Socket, retry_connect
@@ -44,6 +44,10 @@ class OpenpiClient:
 
     def reset(self, start: Start) -> None:
         """Open a connection. Raises PolicyError."""
+        self.greet()
+
+    def greet(self) -> None:
+        """Open a connection and read the server's metadata. Raises PolicyError."""
         self.close()
         self._socket = retry_connect(self._open) if self.metadata else self._open()
         self.metadata = self._socket.receive(CONNECT_SECONDS)
@@ -72,25 +76,6 @@ class OpenpiClient:
         if self._socket is not None:
             self._socket.close()
         self._socket = None
-
-
-class OpenpiForm:
-    """The form openpi://HOST:PORT?execute=N&size=S of a policy's name."""
-
-    def name(self, text: str) -> PolicyName:
-        """Check that the server is there. Raises PolicyError."""
-        policy = OpenpiClient(_address(text))
-        policy.reset(Start("", "", (), DEFAULT_FPS, (), 0))
-        policy.close()
-        return PolicyName(text, _address(text).label())
-
-    def make(self, text: str) -> Policy:
-        """The client."""
-        return OpenpiClient(_address(text))
-
-
-def _address(text: str) -> Address:
-    return parse_address(text, PORT, ("execute", "size", "label"))
 
 
 @dataclass(frozen=True)

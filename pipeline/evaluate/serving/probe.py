@@ -1,7 +1,6 @@
 """Distinguishes served policies by a hash of a server's metadata and of its answer to a fixed question."""
 
 import hashlib
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +10,6 @@ from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyNam
 from pipeline.evaluate.serving.wire import pack
 
 PROMPT = "hold still"
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The metadata of a policy (packed) and its answer (H,A) to the fixed question, as bytes."""
-
-    metadata: bytes
-    chunk: bytes
 
 
 def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
@@ -36,21 +27,23 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
         raise PolicyError(f"{name.text}: gives no answer by which to know it ({error}): name it with ?label=NAME") from error
     finally:
         getattr(policy, "close", lambda: None)()
-    if first.chunk != second.chunk and not labelled:
+    if first[1] != second[1] and not labelled:
         raise PolicyError(f"{name.text}: answers the same question differently each time: name it with ?label=NAME")
-    same = [a for a, b in ((first.metadata, second.metadata), (first.chunk, second.chunk)) if a == b]
+    same = [a for a, b in zip(first, second, strict=True) if a == b]
     probe = hashlib.sha256(b"|".join(same)).hexdigest()[:8] if same else ""
     return PolicyName(name.text, name.label if labelled else f"{name.label}@{probe}", probe)
 
 
-def ask(policy: Policy, start: Start) -> Answer:
-    """One episode of one question. Raises what the policy raises."""
+def ask(policy: Policy, start: Start) -> tuple[bytes, bytes]:
+    """The packed metadata of a policy, and its answer (H,A) to the fixed question in an episode of one question, as bytes.
+
+    Raises what the policy raises."""
     policy.reset(start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
     chunk = chunk_of(
         policy.act(Observation(np.zeros(len(start.action_names)), start.instruction, 0.0, images)), len(start.action_names)
     )
-    return Answer(pack(dict(getattr(policy, "metadata", {}))), chunk.tobytes())
+    return pack(dict(getattr(policy, "metadata", {}))), chunk.tobytes()
 
 
 def _pattern(height: int, width: int) -> NDArray[np.uint8]:

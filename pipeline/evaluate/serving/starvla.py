@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, line_of_text
-from pipeline.evaluate.serving.address import Address, parse_address
+from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, Start, line_of_text
+from pipeline.evaluate.serving.address import Address
 from pipeline.evaluate.serving.fit import first_rows
 from pipeline.evaluate.serving.groot import parts_of
 from pipeline.evaluate.serving.history import History, HistorySettings
@@ -33,7 +33,7 @@ from pipeline.evaluate.serving.statistics import Statistics, read_statistics
 
 PORT, SIZE = 10093, 224
 HISTORY = ("history", "history_mode", "history_size", "flow_size")
-OPTIONS = ("unnorm_key", "execute", "size", "label", "action_keys", "state", "statistics", "normalization", "grippers", *HISTORY)
+OPTIONS = ("unnorm_key", "execute", "size", "action_keys", "state", "statistics", "normalization", "grippers", *HISTORY)
 SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
 """What StarVLA's own clients ask for."""
 
@@ -190,23 +190,3 @@ def _history_of(address: Address) -> HistorySettings | None:
     flow = _one_of(address, "history_mode", ("flow", "frames")) == "flow"
     kept, sent = address.number("flow_size", 128), address.number("history_size", SIZE)
     return HistorySettings(int(length), int(stride), flow, kept or 128, sent or SIZE)
-
-
-class StarvlaForm:
-    """The form starvla://HOST:PORT?unnorm_key=KEY&execute=N&size=S&state=true&label=NAME of a policy's name."""
-
-    def name(self, text: str) -> PolicyName:
-        """Check that the server is there. Raises PolicyError."""
-        address = _address(text)
-        policy = StarvlaClient(address)
-        policy.greet()
-        policy.close()
-        return PolicyName(text, address.label())
-
-    def make(self, text: str) -> Policy:
-        """The client."""
-        return StarvlaClient(_address(text))
-
-
-def _address(text: str) -> Address:
-    return parse_address(text, PORT, OPTIONS)

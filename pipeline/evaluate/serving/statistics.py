@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.data.parsing import ParseError, read_json
 from pipeline.evaluate.policy import PolicyError, line_of_text
+from pipeline.poses import Floats
 
 BOUNDS = {"min_max": ("min", "max"), "q99": ("q01", "q99")}
 """Names of the bounds in a statistics file that -1 and 1 stand for, by normalization."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

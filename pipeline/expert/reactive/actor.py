@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
@@ -19,9 +19,7 @@ from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM
-from pipeline.poses import Pose, compose, inverse
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, Pose, compose, inverse
 
 OBSERVED = 1 / CONTROL_HZ
 """Seconds for which it only looks at first, to see the target twice; longer by the delay of its sight."""

@@ -1,15 +1,13 @@
 """What the reactive expert would do while another one acts: labels for imitation, and how far the hand is off its path."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.controller import ReactiveExpert
 from pipeline.expert.reactive.imagination import Script
 from pipeline.planning.kinematics import fk_batch
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats
 
 EVERY = 4
 """Physics rows of the plan between two places at which the hand may be taken to be."""

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.reactive.imagination import Plan
@@ -13,10 +12,9 @@ from pipeline.planning.budgets import LIMITS, IkBudget
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import Planner
-from pipeline.poses import Pose, compose, inverse, quat_about, quat_conjugate, quat_multiply
+from pipeline.poses import Floats, Pose, compose, inverse, quat_about, quat_conjugate, quat_multiply
 from pipeline.world.robots.contract import Embodiment
 
-Floats = NDArray[np.float64]
 Command = tuple[Floats, Floats]
 """Drive targets (A,) of a physics step and their velocities."""
 

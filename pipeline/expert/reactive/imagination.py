@@ -5,18 +5,16 @@ from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, MotionStep, Skill
 from pipeline.planning.planner import Planner
-from pipeline.poses import Pose, compose, inverse
+from pipeline.poses import Floats, Pose, compose, inverse
 from pipeline.world.recorder import Recorder
 from pipeline.world.simulation import Simulation
 
-Floats = NDArray[np.float64]
 Script = Callable[[Actor], Iterator[Skill]]
 
 STIRS = 1e-3

@@ -1,12 +1,10 @@
 """Joint commands that go after a moving goal within limits of velocity, acceleration and jerk."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.planning.budgets import LIMITS
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats
 
 WINDOW = int(np.ceil(2 * LIMITS.acceleration / LIMITS.jerk * PHYSICS_HZ - 1e-9))
 """Rows that are averaged, as in planning/trajectory.smoothed: this turns the limit of acceleration into one of jerk."""

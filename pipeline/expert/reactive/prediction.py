@@ -1,11 +1,8 @@
 """Where a target is and will be, from what was seen of it: a Kalman filter of constant velocity; turning by difference."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.poses import Pose, angle_between, quat_about, quat_conjugate, quat_multiply
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, Pose, angle_between, quat_about, quat_conjugate, quat_multiply
 
 UNSTEADY = np.array([0.15, 0.15, 0.015])
 """Standard deviations (m/s2) of the acceleration that the filter expects of a target along x, y and z: it moves on a table. With

@@ -15,32 +15,3 @@ from pipeline.expert.skills.pairing import together
 from pipeline.expert.skills.setting import ROUND, place, press, resting_poses, upright_goal
 from pipeline.expert.skills.swinging import rock, shake
 from pipeline.expert.skills.tracking import track
-
-__all__ = [
-    "ROUND",
-    "carry",
-    "close",
-    "face",
-    "first_of",
-    "grasp",
-    "hand_over",
-    "home",
-    "in_turn",
-    "lift",
-    "lift_clear",
-    "move",
-    "open_",
-    "pause",
-    "place",
-    "pour",
-    "press",
-    "resting_poses",
-    "retreat",
-    "rock",
-    "shake",
-    "shift",
-    "together",
-    "track",
-    "turn",
-    "upright_goal",
-]

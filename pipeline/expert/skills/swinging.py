@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import SPEEDS, SWING
@@ -13,9 +13,7 @@ from pipeline.expert.grasping import hand_poses, lifted
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import ArmPlanner
-from pipeline.poses import Pose, quat_about, quat_multiply, quat_rotate
-
-Floats = NDArray[np.float64]
+from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
 
 
 @dataclass(frozen=True, eq=False)

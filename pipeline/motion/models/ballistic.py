@@ -1,5 +1,6 @@
 """The target flies: it is dropped by a carrier, or tossed up by a plate, and meets the robot above the table."""
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -44,9 +45,9 @@ class Ballistic(ClosedForm):
         """Vertical velocity w (m/s) at the meeting."""
         return 0.0
 
+    @abstractmethod
     def carried(self, t: Array) -> tuple[Array, Array]:
         """Height over the end (m) and vertical velocity (m/s) before the release."""
-        raise NotImplementedError
 
     @property
     def landing(self) -> float:

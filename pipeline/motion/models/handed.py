@@ -1,17 +1,15 @@
 """The target is handed over: minimum-jerk motions in place and orientation, by a visible hand."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns
-from pipeline.motion.contract import Array, Level, Request, Streams
+from pipeline.motion.contract import Array, Request, Streams, described
 from pipeline.motion.models import register
-from pipeline.motion.pace import LEVELS
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import pose, quat_multiply
 
@@ -91,13 +89,7 @@ class Handed(ClosedForm):
 class HandedModel(ClosedFormModel[Handed]):
     """The mean speed is drawn below alpha; the way comes from one direction after another, the far side first."""
 
-    levels: Mapping[int, Level] = MappingProxyType(
-        {
-            1: Level("one straight minimum-jerk motion", LEVELS[1].colour),
-            2: Level("one minimum-jerk motion on an arc", LEVELS[2].colour),
-            3: Level("a motion that stops and resumes", LEVELS[3].colour),
-        }
-    )
+    levels = described("one straight minimum-jerk motion", "one minimum-jerk motion on an arc", "a motion that stops and resumes")
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Handed]:
         rng, total = streams.shape, asked.duration + asked.lead

@@ -1,17 +1,15 @@
 """The target hangs from a visible hook and swings."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turned_about, turns
-from pipeline.motion.contract import Array, Level, Request, Streams
+from pipeline.motion.contract import Array, Request, Streams, described
 from pipeline.motion.models import register
-from pipeline.motion.pace import LEVELS
 from pipeline.motion.scenery import Piece, Prop, rod, standing
 from pipeline.poses import pose
 
@@ -91,13 +89,7 @@ class Pendulum(ClosedForm):
 class PendulumModel(ClosedFormModel[Pendulum]):
     """The greatest speed is alpha, at level 2 and 3 at the strongest swing."""
 
-    levels: Mapping[int, Level] = MappingProxyType(
-        {
-            1: Level("a swing that keeps its width", LEVELS[1].colour),
-            2: Level("a swing that dies away", LEVELS[2].colour),
-            3: Level("a swing that is knocked", LEVELS[3].colour),
-        }
-    )
+    levels = described("a swing that keeps its width", "a swing that dies away", "a swing that is knocked")
 
     def candidates(self, asked: Request, streams: Streams) -> Iterator[Pendulum]:
         rng = streams.shape

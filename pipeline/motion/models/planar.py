@@ -1,12 +1,11 @@
 """The paper's motions: constant velocity, polynomials, and abrupt pieces, in x and y at constant height and orientation."""
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from pipeline.motion.contract import Level, Request, SpeedBound, Streams, TargetMotion, Verdict, bounded
+from pipeline.motion.contract import Request, SpeedBound, Streams, TargetMotion, Verdict, bounded, described
 from pipeline.motion.models import register
 from pipeline.motion.planar.draw import draw_motion
 from pipeline.motion.planar.motion import PlanarMotion
@@ -17,13 +16,7 @@ class Planar:
 
     name = "planar"
     version = 1
-    levels: Mapping[int, Level] = MappingProxyType(
-        {
-            1: Level("constant velocity", "#2563eb"),
-            2: Level("polynomial", "#059669"),
-            3: Level("two or three abrupt segments", "#d97706"),
-        }
-    )
+    levels = described("constant velocity", "polynomial", "two or three abrupt segments")
 
     def draw(self, asked: Request, streams: Streams) -> PlanarMotion:
         return draw_motion(asked, streams)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import families_of
+from pipeline.tasks.layout import families_of
 from pipeline.world.objects.contract import FAMILIES
 
 

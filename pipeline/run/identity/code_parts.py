@@ -19,7 +19,7 @@ from pipeline.motion.models import MODELS as MOTIONS
 from pipeline.run.identity import sources
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import families_of
+from pipeline.tasks.layout import families_of
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of
 from pipeline.world.robots import MODELS, OURS

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.stage_key import annotation_key, stage_key
-from pipeline.annotate.store import CorruptAnnotation, Entry, read_entry
+from pipeline.data.annotations import CorruptAnnotation, Entry, read_entry
 from pipeline.data.assets import AssetError, AssetStore
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile

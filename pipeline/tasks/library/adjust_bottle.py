@@ -8,8 +8,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP
 

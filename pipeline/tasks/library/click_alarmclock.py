@@ -2,16 +2,13 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.press import Press
 
 
 @register
-class ClickAlarmclock(Task):
+class ClickAlarmclock(Press):
     """Press the button on top of a moving alarm clock with the closed fingers of the arm beside it.
 
     Success: A finger of the acting arm, with the gripper closed, touched the clock within 2.7 cm (plane, per axis, and height) of
@@ -19,7 +16,6 @@ class ClickAlarmclock(Task):
     contact point, which shifts the button. Here the motion is the body's, and the button moves with it.
     """
 
-    category = TRACKING
     target = "clock"
     workspace = Workspace(-0.40, 0.40, -0.30, 0.20)
     limits = by_name(plane=Limit(0.027), height=Limit(0.027))
@@ -27,14 +23,3 @@ class ClickAlarmclock(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), yaw=(-3.14, 3.14), away_from_centre=0.05)
         yield Placement("clock", draw.one_of("alarm_clock"), region)
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("clock", "button"), body="clock", part="button")
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        yield lift(a.arms["arm"], 0.06)
-        yield home(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        return o.press(arms["arm"], "clock", "button", self.under(o.rules))

@@ -2,16 +2,13 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.press import Press
 
 
 @register
-class ClickBell(Task):
+class ClickBell(Press):
     """Press the button of a moving bell with the closed fingers of the arm beside it.
 
     Success: A finger of the acting arm, with the gripper closed, touched the bell within 2.0 cm (plane, per axis) and 2.4 cm
@@ -19,7 +16,6 @@ class ClickBell(Task):
     origin to the contact point, which shifts the button. Here the motion is the body's, and the button moves with it.
     """
 
-    category = TRACKING
     target = "bell"
     workspace = Workspace(-0.35, 0.35, -0.25, 0.15)
     limits = by_name(plane=Limit(0.02), height=Limit(0.024))
@@ -27,14 +23,3 @@ class ClickBell(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.21, 0.21), y=(-0.20, 0.10), away_from_centre=0.05)
         yield Placement("bell", draw.one_of("bell"), region)
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("bell", "button"), body="bell", part="button")
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        yield lift(a.arms["arm"], 0.06)
-        yield home(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        return o.press(arms["arm"], "bell", "button", self.under(o.rules))

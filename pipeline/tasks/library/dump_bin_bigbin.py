@@ -7,8 +7,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, carry, first_of, grasp, home, lift, open_, pause, place, pour, retreat, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP, Body
 

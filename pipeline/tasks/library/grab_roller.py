@@ -6,8 +6,7 @@ from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, together
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, hand_over, home, lift, open_, place, resting_poses, retreat, together, upright_goal
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 

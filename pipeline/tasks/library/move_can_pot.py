@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP
 
@@ -44,8 +44,7 @@ class MoveCanPot(Task):
         arm = a.arms["arm"]
         yield lift(arm, 0.10)
         yield place(arm, "base", self._beside(a), yaws=ROUND, above=0.06)
-        yield open_(arm)
-        yield retreat(arm, 0.08)
+        yield from let_go(arm)
 
     def _beside(self, a: Actor) -> Pose:
         """Where the can shall stand: 18 cm out from the pot's middle."""

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import TABLE_TOP
 
@@ -39,8 +39,7 @@ class MovePlayingcardAway(Task):
         arm = a.arms["arm"]
         yield lift(arm, 0.10)
         yield place(arm, "base", self._aside(a), yaws=ROUND)
-        yield open_(arm)
-        yield retreat(arm, 0.08)
+        yield from let_go(arm)
 
     def _aside(self, a: Actor) -> Pose:
         """Where the deck shall lie: 27 cm out, level with the middle of the region it comes from."""

@@ -4,17 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 
 EITHER_WAY = (0.0, np.pi)
 
 
 @register
-class MoveStaplerPad(Task):
+class MoveStaplerPad(SetDown):
     """Grasp a stapler and set it down along the long side of a pad that moves, its mouth to either end.
 
     Success: The base of the stapler is within 2 cm (per axis) and 1 cm (height) of the pad's centre and within 0.06 rad of its long
@@ -22,8 +19,8 @@ class MoveStaplerPad(Task):
     cm, 2 cm), not the enlarged dynamic ones. The angle is its dynamic one (0.03 as a difference of quaternion components).
     """
 
-    category = TRACKING
     target, manipulated = "pad", "stapler"
+    yaws, turns = EITHER_WAY, 2
     limits = by_name(plane=Limit(0.02, 0.025), height=Limit(0.01, 0.015), angle=Limit(0.06, unit="rad"), lift=Limit(0.03))
     sizes = by_name(pad=Limit((0.055, 0.03), (0.065, 0.035)))
     own_conditions = ("on_pad", "at_rest", "released")
@@ -34,21 +31,3 @@ class MoveStaplerPad(Task):
         yield Placement("stapler", draw.one_of("stapler"), stapler)
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03, distances={"stapler": 0.10})
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "stapler", a.frame("pad", "centre"), EITHER_WAY)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        base, centre = o.frame("stapler", "base"), o.frame("pad", "centre")
-        d = o.offset(base, centre)
-        return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            "aligned": o.orientation_error(base, centre, turns=2) < limit["angle"],
-            **o.resting("stapler", "pad"),
-            "grippers_open": o.grippers_open(),
-        }

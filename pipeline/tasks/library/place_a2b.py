@@ -1,4 +1,4 @@
-"""What place_a2b_left and place_a2b_right share: catch a moving object and set it down beside another one."""
+"""place_a2b_left, place_a2b_right: catch a moving object and set it down beside another one."""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -6,11 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import ROUND, grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, family_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, family_of, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP
 
@@ -62,8 +62,7 @@ class PlaceBeside(Task):
         arm = a.arms["arm"]
         yield lift(arm, 0.10)
         yield place(arm, "base", self._beside(a), yaws=ROUND)
-        yield open_(arm)
-        yield retreat(arm, 0.08)
+        yield from let_go(arm)
 
     def _beside(self, a: Actor) -> Pose:
         x, y, _ = a.pose("b")[:3]
@@ -79,3 +78,27 @@ class PlaceBeside(Task):
             **o.resting("a", "table"),
             "grippers_open": o.grippers_open(),
         }
+
+
+@register
+class PlaceA2bLeft(PlaceBeside):
+    """Catch object A while it moves and set it down on the table to the left of object B.
+
+    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are measured open. Its origin is 8 to 20 cm
+    from B's, to the left of it and less than 5 cm nearer or farther. The original has the same limits, but does not require that A
+    is at rest on the table. There A cannot be moved at level 0.
+    """
+
+    direction = -1
+
+
+@register
+class PlaceA2bRight(PlaceBeside):
+    """Catch object A while it moves and set it down on the table to the right of object B.
+
+    Success: A rests on the table after a lift of 3 cm, released by both grippers, which are measured open. Its origin is 8 to 20 cm
+    from B's, to the right of it and less than 5 cm nearer or farther. The original has the same limits, but does not require that A
+    is at rest on the table. There A cannot be moved at level 0.
+    """
+
+    direction = 1

@@ -8,8 +8,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import hand_poses, lifted
 from pipeline.expert.skills import ROUND, carry, first_of, grasp, lift, open_, place, resting_poses, retreat
 from pipeline.poses import compose, yawed
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP, Body
 

@@ -4,15 +4,12 @@ from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, home, lift, open_, place, resting_poses, together
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.body import Body
+from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.library.basket import IntoBasket
 
 
 @register
-class PlaceCanBasket(Task):
+class PlaceCanBasket(IntoBasket):
     """Catch a moving can, put it in the basket, and lift the basket by its handle with the other arm.
 
     Success: Can and basket are 2 cm or more above where they began. The can touches the basket and not the table, within 10 cm
@@ -20,21 +17,12 @@ class PlaceCanBasket(Task):
     original's dynamic version, which does not require that the lifting arm holds the basket.
     """
 
-    category = INTERCEPTION
-    step_limit = 700
     target = "can"
-    limits = by_name(rise=Limit(0.02), tilt=Limit(1.047, unit="rad"), plane=Limit(0.10), sum=Limit(0.15), lift=Limit(0.03))
-    own_conditions = ("basket_held",)
-    workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()
         yield Placement("basket", draw.one_of("basket"), Region(x=(side * -0.02, side * 0.02), y=(-0.08, -0.05)))
         yield Placement("can", draw.one_of("can"), Region(x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14)))
-
-    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        arm = side_of(bodies["can"])
-        return {"arm": arm, "lifter": "left" if arm == "right" else "right"}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
@@ -48,17 +36,3 @@ class PlaceCanBasket(Task):
         yield lift(arm, 0.16)
         yield together(home(arm), grasp(lifter, "basket", kinds=("handle",)))
         yield lift(lifter, 0.08)
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        x, y, z = o.offset(o.pose("can"), o.pose("basket"))
-        return {
-            "basket_lifted": o.rise("basket") > limit["rise"],
-            "lifted": o.rise("can") > limit["rise"],
-            "basket_upright": o.upright("basket", limit["tilt"]),
-            "centred": bool(x * x + y * y < limit["plane"] ** 2),
-            "at_distance": bool(abs(x) + abs(y) + abs(z) < limit["sum"]),
-            "on_basket": o.touching("can", "basket"),
-            "off_table": not o.touching("can", "table"),
-            "basket_held": o.holds(arms["lifter"], "basket"),
-        }

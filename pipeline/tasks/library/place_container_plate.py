@@ -2,16 +2,12 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 
 
 @register
-class PlaceContainerPlate(Task):
+class PlaceContainerPlate(SetDown):
     """Grasp a bowl or cup and set it down on a plate that moves.
 
     Success: The base of the container is within 5 cm (per axis) and 3 cm (height) of the plate's centre. The container rests on the
@@ -19,7 +15,6 @@ class PlaceContainerPlate(Task):
     and dynamic versions.
     """
 
-    category = TRACKING
     target, manipulated = "plate", "container"
     limits = by_name(plane=Limit(0.05), height=Limit(0.03), lift=Limit(0.03))
     own_conditions = ("on_plate", "at_rest", "released")
@@ -29,19 +24,3 @@ class PlaceContainerPlate(Task):
         container = Region(x=(side * 0.20, side * 0.28), y=(-0.10, 0.05), yaw=(-3.14, 3.14))
         yield Placement("container", draw.one_of("bowl", "cup"), container)
         yield Placement("plate", draw.one_of("plate"), Region(x=(side * 0.02, side * 0.08), y=(-0.15, -0.10)))
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "container", a.frame("plate", "centre"), ROUND)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame("container", "base"), o.frame("plate", "centre"))
-        return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            **o.resting("container", "plate"),
-            "grippers_open": o.grippers_open(),
-        }

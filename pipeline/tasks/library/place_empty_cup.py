@@ -2,16 +2,13 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 
 
 @register
-class PlaceEmptyCup(Task):
+class PlaceEmptyCup(SetDown):
     """Grasp an empty cup and stand it on a coaster that moves.
 
     Success: The base of the cup is within 3.5 cm (plane) and 1.5 cm (height) of the coaster's centre. The cup is upright on the
@@ -19,7 +16,6 @@ class PlaceEmptyCup(Task):
     It does not require that the cup is upright, or at rest.
     """
 
-    category = TRACKING
     step_limit = 500
     target, manipulated = "coaster", "cup"
     limits = by_name(plane=Limit(0.035), height=Limit(0.015), tilt=Limit(0.26, unit="rad"), lift=Limit(0.03))
@@ -30,12 +26,6 @@ class PlaceEmptyCup(Task):
         yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14)))
         coaster = Region(x=(side * -0.05, side * 0.10), y=(-0.20, 0.05))
         yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"cup": 0.10})
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "cup", a.frame("coaster", "centre"), ROUND)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -7,15 +7,13 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
-from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, resting_poses
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 
 
 @register
-class PlaceFan(Task):
+class PlaceFan(SetDown):
     """Grasp a desk fan by its cage and stand it on a pad that moves, blowing towards the robot.
 
     Success: The base of the fan is within 4 cm (per axis) of the pad's centre, turned to the robot within 0.14 rad (0.05 per
@@ -25,7 +23,6 @@ class PlaceFan(Task):
     its dynamic one.
     """
 
-    category = TRACKING
     target, manipulated = "pad", "fan"
     limits = by_name(plane=Limit(0.04), height=Limit(0.04), angle=Limit(0.14, 0.1415, "rad"), lift=Limit(0.03))
     sizes = by_name(pad=Limit((0.05, 0.05), (0.07, 0.07)))
@@ -45,18 +42,3 @@ class PlaceFan(Task):
         yield grasp(arm, "fan", goals=goals)
         yield lift(arm, 0.06)
         yield place_or_regrasp(arm, "base", centre, above=0.05)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        base, centre = o.frame("fan", "base"), o.frame("pad", "centre")
-        d = o.offset(base, centre)
-        return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            "aligned": o.orientation_error(base, centre) < limit["angle"],
-            **o.resting("fan", "pad"),
-            "grippers_open": o.grippers_open(),
-        }

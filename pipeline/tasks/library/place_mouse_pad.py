@@ -4,17 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 
 EITHER_WAY = tuple(turn + lean for lean in (0.0, 0.1, -0.1) for turn in (0.0, np.pi))
 
 
 @register
-class PlaceMousePad(Task):
+class PlaceMousePad(SetDown):
     """Grasp a computer mouse and set it down along a pad that moves, buttons to either end.
 
     Success: The base of the mouse is within 1.5 cm in x and 1.2 cm in y of the pad's centre and within 0.3 rad of its long side.
@@ -22,8 +20,8 @@ class PlaceMousePad(Task):
     (its angle, as a product of quaternion components, is 0.32). Its dynamic ones are looser, on a larger pad.
     """
 
-    category = TRACKING
     target, manipulated = "pad", "mouse"
+    yaws = EITHER_WAY
     limits = by_name(along_x=Limit(0.015, 0.023), along_y=Limit(0.012, 0.020), angle=Limit(0.3, 0.365, "rad"), lift=Limit(0.03))
     sizes = by_name(pad=Limit((0.035, 0.065), (0.043, 0.073)))
     own_conditions = ("on_pad", "at_rest", "released")
@@ -34,12 +32,6 @@ class PlaceMousePad(Task):
         yield Placement("mouse", draw.one_of("mouse"), mouse)
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         yield Placement("pad", pad, Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0)), gap=0.03, distances={"mouse": 0.10})
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "mouse", a.frame("pad", "centre"), EITHER_WAY)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -2,16 +2,13 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome
 
 
 @register
-class PlaceObjectScale(Task):
+class PlaceObjectScale(SetDown):
     """Grasp a mouse, stapler or bell and set it down on a scale that moves.
 
     Success: The base of the object is within 3.5 cm (plane) of the platter's centre and no more than 1 cm below it. The object
@@ -19,7 +16,6 @@ class PlaceObjectScale(Task):
     dynamic. The acting arm follows from the layout; the original remembers it from the expert's run.
     """
 
-    category = TRACKING
     target, manipulated = "scale", "object"
     limits = by_name(plane=Limit(0.035), below=Limit(0.01), lift=Limit(0.03))
     own_conditions = ("on_scale", "at_rest", "released")
@@ -29,12 +25,6 @@ class PlaceObjectScale(Task):
         item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
         yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
         yield Placement("scale", draw.one_of("scale"), Region(x=item.x, y=item.y, yaw=(-3.14, 3.14)), distances={"object": 0.15})
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "object", a.frame("scale", "centre"), ROUND)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

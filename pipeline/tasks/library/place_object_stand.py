@@ -4,16 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 
 
 @register
-class PlaceObjectStand(Task):
+class PlaceObjectStand(SetDown):
     """Grasp a small object and set it down on the plate of a display stand that moves.
 
     Success: The base of the object is within 3 cm (plane, per axis, as in the original) and 1.5 cm (height) of the middle of the
@@ -21,8 +17,8 @@ class PlaceObjectStand(Task):
     the plate passes.
     """
 
-    category = TRACKING
     target, manipulated = "stand", "object"
+    onto, up, above = "top", 0.12, 0.07
     limits = by_name(plane=Limit(0.03), height=Limit(0.015), lift=Limit(0.03))
     own_conditions = ("at_height", "on_stand", "at_rest", "released")
 
@@ -33,19 +29,3 @@ class PlaceObjectStand(Task):
         yield Placement("object", kind, item)
         stand = Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-np.pi / 6, np.pi / 6))
         yield Placement("stand", draw.one_of("display_stand"), stand, distances={"object": 0.10})
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "object", a.frame("stand", "top"), ROUND, up=0.12, above=0.07)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame("object", "base"), o.frame("stand", "top"))
-        return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            **o.resting("object", "stand"),
-            "grippers_open": o.grippers_open(),
-        }

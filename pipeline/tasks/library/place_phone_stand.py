@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, pose
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 
 GAP = 0.003
@@ -14,7 +14,7 @@ GAP = 0.003
 
 
 @register
-class PlacePhoneStand(Task):
+class PlacePhoneStand(SetDown):
     """Grasp a phone and set it on a phone stand that moves, leaning against the back rest.
 
     Success: The lower edge of the phone's back is within (4.5, 4, 4) cm of the stand's seat (x, y, z: the original's tolerances).
@@ -22,7 +22,6 @@ class PlacePhoneStand(Task):
     original a phone that is flat on the stand passes.
     """
 
-    category = TRACKING
     target, manipulated = "stand", "phone"
     limits = by_name(along_x=Limit(0.045), along_y=Limit(0.04), height=Limit(0.04), tilt=Limit(0.6, unit="rad"))
     own_conditions = ("tilted", "on_stand", "at_rest", "released")
@@ -36,9 +35,6 @@ class PlacePhoneStand(Task):
     def meet(self, a: Actor) -> Iterator[Skill]:
         before_the_rest = compose(a.frame("stand", "seat"), pose((0, 0, GAP)))
         return set_down_on(a, a.arms["arm"], "phone", before_the_rest, point="foot")
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, inverse, yawed
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 
 TO_THE_LEFT = yawed((0, 0, 0), np.pi)
@@ -16,7 +16,7 @@ TO_THE_LEFT = yawed((0, 0, 0), np.pi)
 
 
 @register
-class PlaceShoe(Task):
+class PlaceShoe(SetDown):
     """Grasp a shoe and set it down along a mat that moves, its toe to the left.
 
     Success: The origin of the shoe is within 5 cm along and 2 cm across the mat of the mat's centre, its toe within 0.14 rad of
@@ -26,7 +26,6 @@ class PlaceShoe(Task):
     original's dynamic version (shoe: any yaw, 25 cm or more from the origin), but shoe and mat stay apart.
     """
 
-    category = TRACKING
     step_limit = 500
     target, manipulated = "mat", "shoe"
     limits = by_name(
@@ -50,9 +49,6 @@ class PlaceShoe(Task):
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         return set_down_on(a, a.arms["arm"], "shoe", compose(a.frame("mat", "centre"), TO_THE_LEFT))
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

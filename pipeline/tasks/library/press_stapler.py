@@ -2,16 +2,14 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.press import Press
 from pipeline.tasks.outcome import Outcome
 
 
 @register
-class PressStapler(Task):
+class PressStapler(Press):
     """Press the arm of a moving stapler near its mouth with the closed fingers of the arm beside it.
 
     Success: A finger of the acting arm, with the gripper closed, touched the stapler within 2.7 cm (plane, per axis, and height) of
@@ -20,22 +18,13 @@ class PressStapler(Task):
     which shifts the place to press. Here the motion is the body's, and the place moves with it.
     """
 
-    category = TRACKING
-    target = "stapler"
+    target, part = "stapler", "press"
     workspace = Workspace(-0.35, 0.35, -0.20, 0.20)
     limits = by_name(plane=Limit(0.027, 0.03), height=Limit(0.027, 0.03))
     own_conditions = ("closed_at_press",)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         yield Placement("stapler", draw.one_of("stapler"), Region(x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=(-3.14, 3.14)))
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        yield close(a.arms["arm"])
-        yield press(a.arms["arm"], a.frame("stapler", "press"), body="stapler", part="press")
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        yield lift(a.arms["arm"], 0.06)
-        yield home(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         sides = o.log.sides if o.rules.name == "domino" else (arms["arm"],)

@@ -9,8 +9,7 @@ from pipeline.expert.grasping import lifted
 from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, shift
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, inverse, pose, transform
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 from pipeline.world.objects.families.cabinet import Cabinet, Drawer

@@ -6,10 +6,10 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
-from pipeline.expert.skills import grasp, lift, open_, place, resting_poses, retreat, upright_goal
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP
 
@@ -42,8 +42,7 @@ class RotateQrcode(Task):
         arm = a.arms["arm"]
         yield lift(arm, 0.07)
         yield place(arm, "base", self._goal(a.arms), above=0.07)
-        yield open_(arm)
-        yield retreat(arm, 0.08)
+        yield from let_go(arm)
 
     def _goal(self, arms: dict[str, str]) -> np.ndarray:
         """Pose (7,) of the sign, which faces -y, the robot's side, at yaw 0."""

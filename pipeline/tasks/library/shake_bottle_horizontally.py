@@ -8,8 +8,7 @@ from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift, rock
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP
 from pipeline.world.objects.families.bottle import BODY

@@ -2,17 +2,14 @@
 
 from collections.abc import Iterator
 
-from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.scripts import let_go, set_down_on
-from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register, side_of
+from pipeline.tasks.library.set_down import SetDown
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import Body
 
 
 @register
-class StampSeal(Task):
+class StampSeal(SetDown):
     """Grasp a stamp by its handle and press it upright onto the middle of a small pad that moves.
 
     Success: The face of the stamp is within 1 cm (per axis) of the pad's centre and 1 cm (height). The stamp is upright and rests
@@ -22,8 +19,8 @@ class StampSeal(Task):
     side, which chooses the arm.
     """
 
-    category = TRACKING
     target, manipulated = "pad", "stamp"
+    up = 0.06
     limits = by_name(plane=Limit(0.01), height=Limit(0.01), distance=Limit(0.035), tilt=Limit(0.26, 0.942, "rad"), lift=Limit(0.03))
     sizes = by_name(pad=Limit((0.035, 0.035), (0.045, 0.045)))
     own_conditions = ("centred", "at_height", "at_rest", "released")
@@ -36,12 +33,6 @@ class StampSeal(Task):
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["pad"])}
-
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        return set_down_on(a, a.arms["arm"], "stamp", a.frame("pad", "centre"), ROUND, up=0.06)
-
-    def finish(self, a: Actor) -> Iterator[Skill]:
-        return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

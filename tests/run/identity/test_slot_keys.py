@@ -23,7 +23,8 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Draw, Placement, Region, UndeclaredFamily, families_of, lay_out
+from pipeline.tasks.contract import Draw, Placement, Region, UndeclaredFamily
+from pipeline.tasks.layout import families_of, lay_out
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.robots import MODELS
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from training.puma.cli import configuration
-from training.puma.config import CONFIGS, Config, names, parse_config, read_config, yaml
+from training.puma.config import Config, parse_config, yaml
 from training.puma.errors import TrainError
+from training.puma.reading import CONFIGS, names, read_config
 
 
 @pytest.mark.parametrize("name", names())

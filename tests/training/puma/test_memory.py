@@ -10,11 +10,12 @@ from typer.testing import CliRunner
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import train as training
 from training.puma.cli import app
-from training.puma.config import CONFIGS, Config, read_config
+from training.puma.config import Config
 from training.puma.errors import TrainError
 from training.puma.memory import Weights, activations, least, refusal, weights_of
 from training.puma.model.puma import Sizes, build_model
 from training.puma.parallel import shell_of
+from training.puma.reading import CONFIGS, read_config
 
 SIZES = Sizes(14, 32)
 SHELLS = {"half": {"precision": "bf16"}, "whole": {}}

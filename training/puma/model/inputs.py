@@ -34,8 +34,7 @@ class Inputs:
 
     def to(self, device: torch.device | str) -> "Inputs":
         """The same on a device."""
-        moved = {f.name: _move_tensors(getattr(self, f.name), device) for f in fields(self)}
-        return Inputs(**moved)
+        return on(self, device)
 
     def __len__(self) -> int:
         return len(self.text)
@@ -48,8 +47,9 @@ def stacked(some: Sequence[Inputs]) -> Inputs:
     return Inputs(**whole)
 
 
-def _move_tensors(value: Any, device: torch.device | str) -> Any:
-    return value if value is None else value.to(device, non_blocking=True)
+def on[T](values: T, device: torch.device | str) -> T:
+    """A dataclass of tensors, or of None, on a device."""
+    return type(values)(**{name: None if v is None else v.to(device, non_blocking=True) for name, v in vars(values).items()})
 
 
 def inputs_of(arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: Config, words: Words) -> Inputs:

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, lift, pause, place, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.body import TABLE_TOP
 
@@ -27,7 +25,6 @@ class CatchDroppedBall(Task):
     workspace = Workspace(-0.35, 0.35, -0.25, 0.20)
     limits = by_name(plane=Limit(0.08), height=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("catch_dropped_ball", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.14, 0.19)

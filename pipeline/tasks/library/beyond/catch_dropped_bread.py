@@ -1,7 +1,6 @@
 """catch_dropped_bread: catch a piece of bread that falls, in a skillet."""
 
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.catch_dropped_ball import CatchDroppedBall
 
 
@@ -13,4 +12,3 @@ class CatchDroppedBread(CatchDroppedBall):
     """
 
     target = falls = "bread"
-    seen, unseen = read_templates("catch_dropped_bread", __name__)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 from pipeline.world.body import TABLE_TOP
 
@@ -17,7 +16,6 @@ class CatchTossedBall(PickFromBelt):
 
     target = manipulated = "ball"
     motion = "toss"
-    seen, unseen = read_templates("catch_tossed_ball", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         z = TABLE_TOP + draw.uniform(0.12, 0.20)

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
 from pipeline.expert.skills import ROUND, carry, grasp, in_turn, lift, open_, pause, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 ABOVE = 0.03
@@ -27,7 +25,6 @@ class DropBallSwayingBowl(Task):
     motion = "sinusoid"
     limits = by_name(plane=Limit(0.05), height=Limit(0.04), lift=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("drop_ball_swaying_bowl", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

@@ -1,7 +1,6 @@
 """load_belt_plate: set a bowl or cup down on a plate that a belt carries past."""
 
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.place_container_plate import PlaceContainerPlate
 
 
@@ -13,4 +12,3 @@ class LoadBeltPlate(PlaceContainerPlate):
     """
 
     motion = "conveyor"
-    seen, unseen = read_templates("load_belt_plate", __name__)

@@ -5,10 +5,8 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import INTERCEPTION, Draw, Placement, Region, Task, register, side_of
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.body import Body
 
 
 @register
@@ -28,9 +26,6 @@ class PickFromBelt(Task):
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.22, 0.22), y=(-0.20, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.03)
         yield Placement("product", draw.one_of("can", "sauce_can", "pill_bottle"), region)
-
-    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
-        return {"arm": side_of(bodies[self.target])}
 
     def meet(self, a: Actor) -> Iterator[Skill]:
         yield grasp(a.arms["arm"], self.target)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.place_empty_cup import PlaceEmptyCup
 
 
@@ -15,7 +14,6 @@ class PlaceCupTurntable(PlaceEmptyCup):
     """
 
     motion = "turntable"
-    seen, unseen = read_templates("place_cup_turntable", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, track, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))
@@ -36,7 +34,6 @@ class PourSwayingPot(Task):
     motion = "sinusoid"
     limits = by_name(lift=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("pour_swaying_pot", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

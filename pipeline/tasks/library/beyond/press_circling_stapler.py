@@ -1,11 +1,8 @@
 """press_circling_stapler: press a stapler that is carried along a circle, moving along with it."""
 
-from collections.abc import Iterator
-
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, press, track
+from pipeline.expert.skills import track
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.press_stapler import PressStapler
 
 
@@ -17,9 +14,6 @@ class PressCirclingStapler(PressStapler):
     """
 
     motion = "circle"
-    seen, unseen = read_templates("press_circling_stapler", __name__)
 
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        arm = a.arms["arm"]
-        yield close(arm)
-        yield track(arm, press(arm, a.frame("stapler", "press"), body="stapler", part="press"))
+    def pressing(self, a: Actor) -> Skill:
+        return track(a.arms["arm"], super().pressing(a))

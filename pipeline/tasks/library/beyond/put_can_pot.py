@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, track
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 
@@ -24,7 +22,6 @@ class PutCanPot(Task):
     motion = "turntable"
     limits = by_name(plane=Limit(0.07), height=Limit(0.03), lift=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("put_can_pot", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

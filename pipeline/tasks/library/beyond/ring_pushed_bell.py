@@ -1,11 +1,8 @@
 """ring_pushed_bell: press a bell that slides after a push, moving along with it."""
 
-from collections.abc import Iterator
-
 from pipeline.expert.actor import Actor, Skill
-from pipeline.expert.skills import close, press, track
+from pipeline.expert.skills import track
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.click_bell import ClickBell
 
 
@@ -17,9 +14,6 @@ class RingPushedBell(ClickBell):
     """
 
     motion = "pushed"
-    seen, unseen = read_templates("ring_pushed_bell", __name__)
 
-    def meet(self, a: Actor) -> Iterator[Skill]:
-        arm = a.arms["arm"]
-        yield close(arm)
-        yield track(arm, press(arm, a.frame("bell", "button"), body="bell", part="button"))
+    def pressing(self, a: Actor) -> Skill:
+        return track(a.arms["arm"], super().pressing(a))

@@ -2,7 +2,6 @@
 
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.click_bell import ClickBell
 
 
@@ -14,5 +13,4 @@ class RingTurningBell(ClickBell):
     """
 
     motion = "turntable"
-    seen, unseen = read_templates("ring_turning_bell", __name__)
     workspace = Workspace(-0.35, 0.35, -0.25, 0.25)

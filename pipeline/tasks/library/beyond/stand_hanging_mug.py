@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.stand_on import StandOn
 from pipeline.world.body import TABLE_TOP
 
@@ -18,7 +17,6 @@ class StandHangingMug(StandOn):
     target = manipulated = "mug"
     support, motion = "coaster", "pendulum"
     kinds, away = ("side",), (0.0, -0.10, 0.0)
-    seen, unseen = read_templates("stand_hanging_mug", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.06, 0.12)

@@ -7,8 +7,8 @@ from pipeline.expert.regrasping import place_or_regrasp
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
 from pipeline.poses import Pose
+from pipeline.tasks.contract import Limit, by_name
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
-from pipeline.tasks.limits import Limit, by_name
 from pipeline.tasks.outcome import Outcome, within
 
 

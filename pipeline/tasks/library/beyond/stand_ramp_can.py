@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.stand_on import StandOn
 
 
@@ -16,7 +15,6 @@ class StandRampCan(StandOn):
 
     target = manipulated = "can"
     motion = "ramp"
-    seen, unseen = read_templates("stand_ramp_can", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.stand_on import StandOn
 from pipeline.world.body import TABLE_TOP
 
@@ -17,7 +16,6 @@ class StandTossedCube(StandOn):
 
     target = manipulated = "cube"
     motion = "toss"
-    seen, unseen = read_templates("stand_tossed_cube", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.12, 0.20)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import cast
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 from pipeline.world.objects.families.play_ball import PlayBall
 
@@ -18,7 +17,6 @@ class StopOneOfTwoBalls(PickFromBelt):
 
     target = manipulated = "ball"
     motion, movers = "rolling", {"other": "rolling"}
-    seen, unseen = read_templates("stop_one_of_two_balls", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side, ball = draw.side(), cast(PlayBall, draw.one_of("play_ball"))

@@ -1,7 +1,6 @@
 """stop_pushed_can: take a can that slides across the table after a push."""
 
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 
 
@@ -13,4 +12,3 @@ class StopPushedCan(PickFromBelt):
     """
 
     motion = "pushed"
-    seen, unseen = read_templates("stop_pushed_can", __name__)

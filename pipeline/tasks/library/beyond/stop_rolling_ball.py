@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 
 
@@ -16,7 +15,6 @@ class StopRollingBall(PickFromBelt):
 
     target = manipulated = "ball"
     motion = "rolling"
-    seen, unseen = read_templates("stop_rolling_ball", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         region = Region(x=(-0.25, 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14), away_from_centre=0.03)

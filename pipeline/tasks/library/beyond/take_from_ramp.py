@@ -1,7 +1,6 @@
 """take_from_ramp: take what slides off a ramp."""
 
 from pipeline.tasks.contract import register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 
 
@@ -13,4 +12,3 @@ class TakeFromRamp(PickFromBelt):
     """
 
     motion = "ramp"
-    seen, unseen = read_templates("take_from_ramp", __name__)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import Draw, Placement, Region, register
-from pipeline.tasks.language import read_templates
 from pipeline.tasks.library.beyond.pick_from_belt import PickFromBelt
 from pipeline.world.body import TABLE_TOP
 
@@ -19,7 +18,6 @@ class TakeHandedObject(PickFromBelt):
     target = manipulated = "object"
     motion = "handed"
     workspace = Workspace(-0.40, 0.40, -0.25, 0.30)
-    seen, unseen = read_templates("take_handed_object", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         z = TABLE_TOP + draw.uniform(0.08, 0.14)

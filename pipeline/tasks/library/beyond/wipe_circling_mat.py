@@ -7,9 +7,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import ROUND, first_of, grasp, lift, place, resting_poses, shift, track
 from pipeline.poses import inverse, transform
-from pipeline.tasks.contract import TRACKING, Draw, Placement, Region, Task, register
-from pipeline.tasks.language import read_templates
-from pipeline.tasks.limits import Limit, by_name
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 
 STROKE = 0.08
@@ -29,7 +27,6 @@ class WipeCirclingMat(Task):
     motion = "circle"
     limits = by_name(stroke=Limit(0.05), lift=Limit(0.03))
     own_conditions = ()
-    seen, unseen = read_templates("wipe_circling_mat", __name__)
 
     def layout(self, draw: Draw) -> Iterator[Placement]:
         side = draw.side()

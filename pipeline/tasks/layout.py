@@ -1,0 +1,118 @@
+"""Where the bodies of a scene stand: layouts drawn until all find room, and the object families that they may ask for."""
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pipeline.planning.failure import PlanFailure
+from pipeline.poses import Pose, compose, yawed
+from pipeline.tasks.contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, middle, name_of
+from pipeline.world.body import Body
+from pipeline.world.footprints import apart, outline_of
+from pipeline.world.objects.contract import Family
+
+TRIALS = 32
+"""Layouts that are drawn to find the families of a task."""
+
+
+_LAYOUTS = 50
+"""Layouts that are drawn until all bodies find room."""
+
+_POSES = 20
+"""Poses that are drawn for a body before its layout is given up."""
+
+
+class _Recording(Draw):
+    """Records which families a layout may ask for: all that it chooses from, not only those that are drawn."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
+        self.families = set[str]()
+
+    def one_of(self, *families: str, **given: Any) -> Family:
+        self.families.update(families)
+        return super().one_of(*families, **given)
+
+
+@cache
+def families_of(task: Task) -> frozenset[str]:
+    """Object families that a task depends on, known before any of its scenes is made: those that its class declares, or all that
+    TRIALS of its layouts, drawn from fixed seeds, choose from and place. `lay_out` refuses any other."""
+    if task.families:
+        return frozenset(task.families)
+    found = set[str]()
+    for seed in range(TRIALS):
+        draw = _Recording(seed)
+        placed = {name_of(placement.instance) for placement in task.layout(draw)}
+        found |= placed | draw.families
+    return frozenset(found)
+
+
+def lay_out(
+    task: Task,
+    draw: Draw,
+    in_view: Callable[[np.ndarray], bool] = lambda point: True,
+    suits: Callable[[dict[str, Body]], bool] = lambda bodies: True,
+) -> dict[str, Body]:
+    """Lay out a scene: bodies by name, resting on the table without overlapping footprints.
+
+    `in_view` is asked for the middle (3,) of the target, which the head camera must see at the manipulation pose.
+
+    A layout that leaves no room for its last bodies is drawn again, and so is one that `suits` refuses. Raises
+    PlanFailure("layout") after _LAYOUTS.
+    """
+    why = ""
+    for _ in range(_LAYOUTS):
+        bodies: dict[str, Body] = {}
+        for p in task.layout(draw):
+            if p.inside:
+                pose = compose(bodies[p.inside].pose, _drawn_pose(p.region, draw.placement))
+            else:
+                others = [b for b in bodies.values() if not b.inside]
+                pose = _free_pose(p, others, draw.placement, in_view if p.name == task.target else None)
+            if pose is None:
+                why = f"no free place for {p.name}"
+                break
+            family = name_of(p.instance)
+            if family_of(p.instance) not in families_of(task):
+                declared = ", ".join(repr(name) for name in sorted({*families_of(task), family}))
+                raise UndeclaredFamily(
+                    f"task {task.name}: places a {family}, which its keys do not name: write families = ({declared})"
+                )
+            bodies[p.name] = Body(p.name, family, p.instance, pose, p.fixed, p.inside, p.slide, p.borne)
+        else:
+            if suits(bodies):
+                return bodies
+            why = "the layouts do not suit the robot"
+    raise PlanFailure("layout", why)
+
+
+def _drawn_pose(region: Region, rng: np.random.Generator) -> Pose:
+    x, y = rng.uniform(min(region.x), max(region.x)), rng.uniform(*region.y)
+    return yawed((x, y, region.z), rng.uniform(*region.yaw))
+
+
+def _free_pose(
+    p: Placement,
+    others: Iterable[Body],
+    rng: np.random.Generator,
+    in_view: Callable[[np.ndarray], bool] | None,
+) -> np.ndarray | None:
+    box = p.instance.shape().aabb()
+    for _ in range(_POSES):
+        pose = _drawn_pose(p.region, rng)
+        if in_view is not None and not in_view(middle(pose, p.instance)):
+            continue
+        if abs(pose[0]) < p.region.away_from_centre or np.hypot(*pose[:2]) < p.region.away_from_origin:
+            continue
+        if all(_far_enough(p, (pose, box), other) for other in others):
+            return pose
+    return None
+
+
+def _far_enough(p: Placement, outline: tuple[np.ndarray, np.ndarray], other: Body) -> bool:
+    """Whether a body with this outline keeps its gap and its least distance from another one."""
+    distance = float(np.hypot(*(outline[0][:2] - other.pose[:2])))
+    return distance >= p.distances.get(other.name, 0.0) and apart(outline, outline_of(other), p.gap)

@@ -1,0 +1,31 @@
+"""What tasks share that press a moving body with closed fingers."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import close, home, lift, press
+from pipeline.tasks.contract import TRACKING, Task
+from pipeline.tasks.outcome import Outcome
+
+
+class Press(Task):
+    """The closed fingers of the acting arm press the target at its frame `part`, near it by the limits "plane" and "height" (m)."""
+
+    category = TRACKING
+    part: ClassVar[str] = "button"
+
+    def pressing(self, a: Actor) -> Skill:
+        """The skill that meets the target."""
+        return press(a.arms["arm"], a.frame(self.target, self.part), body=self.target, part=self.part)
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield close(a.arms["arm"])
+        yield self.pressing(a)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield lift(a.arms["arm"], 0.06)
+        yield home(a.arms["arm"])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        return o.press(arms["arm"], self.target, self.part, self.under(o.rules))

@@ -1,0 +1,45 @@
+"""What tasks share that set a grasped body down on one that moves."""
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.scripts import let_go, set_down_on
+from pipeline.expert.skills import ROUND
+from pipeline.tasks.contract import TRACKING, Task
+from pipeline.tasks.outcome import Outcome, within
+
+
+class SetDown(Task):
+    """The manipulated body is set down with its base on the frame `onto` of the target, turned by one of `yaws`.
+
+    `up` and `above` are those of `set_down_on`. The conditions follow from the limits there are: "plane" (m, per axis) and "height"
+    of the base over that frame; "angle" between the two, as good after each of `turns` equal parts of a turn; "tilt" of the body.
+    """
+
+    category = TRACKING
+    onto: ClassVar[str] = "centre"
+    yaws: ClassVar[Sequence[float]] = ROUND
+    turns: ClassVar[int] = 1
+    up: ClassVar[float] = 0.10
+    above: ClassVar[float] = 0.10
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goal = a.frame(self.target, self.onto)
+        return set_down_on(a, a.arms["arm"], self.manipulated, goal, self.yaws, up=self.up, above=self.above)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        return let_go(a.arms["arm"])
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        base, goal = o.frame(self.manipulated, "base"), o.frame(self.target, self.onto)
+        d = o.offset(base, goal)
+        found = {"centred": within(d[:2], limit["plane"])}
+        if "height" in limit:
+            found["at_height"] = within(d[2], limit["height"])
+        if "angle" in limit:
+            found["aligned"] = o.orientation_error(base, goal, self.turns) < limit["angle"]
+        if "tilt" in limit:
+            found["upright"] = o.upright(self.manipulated, limit["tilt"])
+        return found | o.resting(self.manipulated, self.target) | {"grippers_open": o.grippers_open()}
