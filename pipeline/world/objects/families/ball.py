@@ -8,7 +8,7 @@ from pipeline.world.materials import plastic, rubber
 from pipeline.world.objects.colliders import sphere_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, sphere
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -32,4 +32,4 @@ class Ball(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, 2 * self.radius), "middle": mark(0, 0, self.radius)})
+        return standing(2 * self.radius, middle=mark(0, 0, self.radius))

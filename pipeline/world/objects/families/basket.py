@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import arc_of_capsules, box_collider, wall
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
 from pipeline.world.objects.grasping import bar_pinches, turned
-from pipeline.world.objects.kit import mark
+from pipeline.world.objects.kit import mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Mesh, Shape, deferred
 
@@ -93,18 +93,15 @@ class Basket(Parametric):
     def frames(self) -> NamedFrames:
         floor, bar = mark(0, 0, WALL), self.arch - self.grip
         handle = bar_pinches([-0.012, 0.0, 0.012], self.grip, bar, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle")
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.arch),
-                "handle": mark(0, 0, bar),
-                "inside": floor,
-                "centre": floor,
-                "left": mark(-0.56 * self.hx, 0, WALL),
-                "right": mark(0.56 * self.hx, 0, WALL),
-                "rim": mark(0, 0, self.height),
-            },
+        return standing(
+            self.arch,
             turned(handle, np.pi / 2),
+            handle=mark(0, 0, bar),
+            inside=floor,
+            centre=floor,
+            left=mark(-0.56 * self.hx, 0, WALL),
+            right=mark(0.56 * self.hx, 0, WALL),
+            rim=mark(0, 0, self.height),
         )
 
     def facts(self) -> dict[str, str]:

@@ -10,7 +10,7 @@ from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.basket import open_box
 from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, WIDE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -49,8 +49,12 @@ class TableBin(Parametric):
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.004)
         flare = float(np.degrees(np.arctan2(self.radius - self.foot, self.height)))
-        points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}
-        return NamedFrames(points, rim_pinches(self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)))
+        return standing(
+            self.height,
+            rim_pinches(self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)),
+            inside=floor,
+            centre=floor,
+        )
 
 
 @register("dustbin")
@@ -78,7 +82,7 @@ class Dustbin(Parametric):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.008)
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor})
+        return standing(self.height, inside=floor, centre=floor)
 
 
 @register("big_bin")
@@ -111,4 +115,4 @@ class BigBin(Parametric):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.01)
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor})
+        return standing(self.height, inside=floor, centre=floor)

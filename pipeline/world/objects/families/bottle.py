@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import convex_collider, cylinder_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -74,9 +74,11 @@ class Bottle(Parametric):
         low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
         high = side_pinches(r, b - 0.014, outline=outline, kind="high")
         neck = side_pinches(self.neck, self.height - 0.35 * self.cap, pitches=NECK_PITCHES, outline=outline, kind="neck")
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "cap": mark(0, 0, self.height), "middle": mark(0, 0, b / 2)},
+        return standing(
+            self.height,
             (*low, *side_pinches(r, 0.65 * b, outline=outline), *high, *neck),
+            cap=mark(0, 0, self.height),
+            middle=mark(0, 0, b / 2),
         )
 
     def facts(self) -> dict[str, str]:

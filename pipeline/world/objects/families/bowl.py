@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import disc, ring_of_boxes
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -53,10 +53,7 @@ class Bowl(Parametric):
         (r0, z0), (r1, z1) = self.outer()[-2:]
         flare = float(np.degrees(np.arctan2(r1 - r0, z1 - z0)))
         floor = mark(0, 0, 0.005 + WALL)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor},
-            rim_pinches(self.radius, WALL, self.height, flare=flare),
-        )
+        return standing(self.height, rim_pinches(self.radius, WALL, self.height, flare=flare), inside=floor, centre=floor)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"inside": "" if self.inside == self.colour else self.inside}

@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -57,10 +57,7 @@ class PlayingCards(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)},
-            box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"),
-        )
+        return standing(self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"))
 
 
 @register("tea_box")
@@ -98,16 +95,13 @@ class TeaBox(Parametric):
 
     def frames(self) -> NamedFrames:
         z, hx, hy = self.code_height, self.hx, self.hy
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.height),
-                "front": mark(0, -hy, z, (0, -1, 0)),
-                "back": mark(0, hy, z, (0, 1, 0)),
-                "right": mark(hx, 0, z, (1, 0, 0), (0, 1, 0)),
-                "left": mark(-hx, 0, z, (-1, 0, 0), (0, 1, 0)),
-            },
+        return standing(
+            self.height,
             box_pinches(hx, hy, self.height / 2),
+            front=mark(0, -hy, z, (0, -1, 0)),
+            back=mark(0, hy, z, (0, 1, 0)),
+            right=mark(hx, 0, z, (1, 0, 0), (0, 1, 0)),
+            left=mark(-hx, 0, z, (-1, 0, 0), (0, 1, 0)),
         )
 
 
@@ -137,6 +131,4 @@ class CoffeeBox(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, box_pinches(self.hx, self.hy, self.height / 2, axes="y")
-        )
+        return standing(self.height, box_pinches(self.hx, self.hy, self.height / 2, axes="y"))

@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, ellipse, rounded_rectangle, scaled, sphere, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark, size_word
+from pipeline.world.objects.kit import size_word, standing
 from pipeline.world.objects.parameters import Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Material, Mesh, Shape, seen_along
 
@@ -105,7 +105,7 @@ class Bread(Parametric):
             offsets=offsets,
             axes="xy" if self.form in ("bun", "roll") else "y",
         )
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
+        return standing(self.height, grasps)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {

@@ -10,7 +10,7 @@ from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.basket import TONES, open_box, wound
 from pipeline.world.objects.geometry import at, box, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark
+from pipeline.world.objects.kit import mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape, seen_along
 
@@ -61,4 +61,4 @@ class BreadBasket(Parametric):
                 0.5 * self.hx, WALL / 2, self.height / 2, (0, sign * (self.hy - WALL / 2), self.height / 2), axes="y", kind="rim"
             )
         ]
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}, tuple(rim))
+        return standing(self.height, rim, inside=floor, centre=floor)

@@ -11,7 +11,7 @@ from pipeline.world.objects.colliders import box_collider, capsule_between, wall
 from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
@@ -78,13 +78,6 @@ class Drawer(Family):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.006)
-        points = {
-            "base": mark(0, 0, 0),
-            "top": mark(0, 0, self.front_height),
-            "inside": floor,
-            "centre": floor,
-            "handle": mark(*self.handle_at, normal=(0, -1, 0)),
-        }
         _, y, z = self.handle_at
         grips = [
             g
@@ -92,7 +85,7 @@ class Drawer(Family):
             for turn in (0.0, 0.2, -0.2)
             for g in handle_pinches((0, y, z + dz), (0, 0, 1), (np.sin(turn), -np.cos(turn), 0), 0.012, (0, -15, -30, -45, -60))
         ]
-        return NamedFrames(points, tuple(grips))
+        return standing(self.front_height, grips, inside=floor, centre=floor, handle=mark(*self.handle_at, normal=(0, -1, 0)))
 
     def words(self) -> Words:
         return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
@@ -162,7 +155,7 @@ class Cabinet(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "slot": self.slot()})
+        return standing(self.height, slot=self.slot())
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {

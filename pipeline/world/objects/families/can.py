@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, box, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -45,7 +45,4 @@ class Can(Parametric):
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
         outline = [(0.8 * r, 0.0), (r, 0.008), (r, h - 0.01), (0.84 * r, h)]
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)},
-            side_pinches(r, (0.5 * h, h - 0.026), outline=outline),
-        )
+        return standing(h, side_pinches(r, (0.5 * h, h - 0.026), outline=outline), middle=mark(0, 0, h / 2))

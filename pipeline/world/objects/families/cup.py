@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import disc, ring_of_boxes
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.objects.surface import join
 from pipeline.world.shapes import Shape
@@ -50,7 +50,4 @@ class Cup(Parametric):
         flare = float(np.degrees(np.arctan2(r - f, h)))
         side = [g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)]
         floor = mark(0, 0, WALL)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "inside": floor, "centre": floor},
-            (*side, *rim_pinches(r, WALL, h, flare=flare)),
-        )
+        return standing(h, (*side, *rim_pinches(r, WALL, h, flare=flare)), inside=floor, centre=floor)

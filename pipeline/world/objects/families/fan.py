@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import ALONG_Y, cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, sweep
 from pipeline.world.objects.grasping import TILTED, box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of
 from pipeline.world.objects.surface import join
 from pipeline.world.shapes import Shape
@@ -69,10 +69,7 @@ class Fan(Parametric):
             offsets=(-0.4, 0.0, 0.4),
             axes="y",
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "front": mark(0, -self.half, z, (0, -1, 0), (1, 0, 0))},
-            tuple(grasps),
-        )
+        return standing(self.height, grasps, front=mark(0, -self.half, z, (0, -1, 0), (1, 0, 0)))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"blade": self.blade_colour, "blades": ("three", "four", "five")[self.blades - 3]}

@@ -8,7 +8,7 @@ from pipeline.world.objects.colliders import ALONG_X, cylinder_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LONG, Parametric, between, one_of, texture
 from pipeline.world.objects.surface import join
 from pipeline.world.shapes import Collider, Shape
@@ -62,14 +62,11 @@ class Hammer(Parametric):
 
     def frames(self) -> NamedFrames:
         h, long, z = self.half, self.length, self.reach / 2
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.reach),
-                "face": mark(0, 0, 0, (0, 0, -1)),
-                "grip": mark(-0.6 * long, 0, z),
-            },
+        return standing(
+            self.reach,
             bar_pinches([-0.7 * long, -0.6 * long, -0.5 * long], h, z, kind="handle"),
+            face=mark(0, 0, 0, (0, 0, -1)),
+            grip=mark(-0.6 * long, 0, z),
         )
 
     def facts(self) -> dict[str, str]:

@@ -8,7 +8,7 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import PITCHES, box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -43,4 +43,4 @@ class LongBlock(Parametric):
         grips = partial(box_pinches, w, w, h / 2, pitches=PITCHES, offsets=(0.0,), retreats=SHORT_OF_THE_MIDDLE)
         low = grips(heights=(0.035, 0.055, 0.09), kind="low")
         high = grips(heights=(h - 0.07, h - 0.05, h - 0.03), kind="high")
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)}, (*low, *high))
+        return standing(h, (*low, *high), middle=mark(0, 0, h / 2))

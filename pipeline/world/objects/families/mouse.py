@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import ALONG_X, convex_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape, seen_along
 
@@ -51,4 +51,4 @@ class Mouse(Parametric):
     def frames(self) -> NamedFrames:
         hx = self.hx * (1 - self.pinch)
         grasps = box_pinches(hx, self.length / 2, self.height / 2, heights=(0.014, 0.019), offsets=(-0.12, 0.0, 0.12), axes="x")
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
+        return standing(self.height, grasps)

@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxe
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import handle_pinches, rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -57,15 +57,12 @@ class Mug(Parametric):
         side = side_pinches(r, (0.5 * h, 0.72 * h), outline=[(r, 0.0), (r, h)])
         clear = [g for g in side if abs(quat_rotate(g.pose[3:], (0, 1, 0))[0]) < 0.85 and g.pose[0] < 0.005]
         free = [g for g in rim_pinches(r, WALL, h) if g.pose[0] < 0.8 * r]
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, h),
-                "inside": floor,
-                "centre": floor,
-                "handle_hole": mark(r + 0.45 * (self.ear - 2 * self.ear_radius), 0, 0.52 * h, (0, 1, 0)),
-            },
+        return standing(
+            h,
             (*clear, *free, *handle_pinches((ear_x, 0, 0.52 * h), (0, 0, 1), (1, 0, 0), 2 * self.ear_radius)),
+            inside=floor,
+            centre=floor,
+            handle_hole=mark(r + 0.45 * (self.ear - 2 * self.ear_radius), 0, 0.52 * h, (0, 1, 0)),
         )
 
     def facts(self) -> dict[str, str]:

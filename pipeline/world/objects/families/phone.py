@@ -7,7 +7,7 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import decal, extrude, rounded_rectangle
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -42,12 +42,6 @@ class Phone(Parametric):
 
     def frames(self) -> NamedFrames:
         hy, t = self.height / 2, self.thickness
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, t),
-                "screen": mark(0, 0, t),
-                "foot": mark(0, -hy, 0),  # middle of the lower edge on the back: goes to a phone stand's "seat"
-            },
-            box_pinches(self.hx, hy, t / 2, offsets=(0.0, 0.3, 0.55), axes="x"),
+        return standing(
+            t, box_pinches(self.hx, hy, t / 2, offsets=(0.0, 0.3, 0.55), axes="x"), screen=mark(0, 0, t), foot=mark(0, -hy, 0)
         )

@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import cylinder_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -45,10 +45,7 @@ class PillBottle(Parametric):
     def frames(self) -> NamedFrames:
         r, top = self.radius, self.height - self.cap
         outline = [(r, 0.0), (r, top - 0.006), (self.cap_radius, top), (self.cap_radius, self.height)]
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "middle": mark(0, 0, top / 2)},
-            side_pinches(r, (0.5 * top, top - 0.014), outline=outline),
-        )
+        return standing(self.height, side_pinches(r, (0.5 * top, top - 0.014), outline=outline), middle=mark(0, 0, top / 2))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"cap": self.cap_colour}

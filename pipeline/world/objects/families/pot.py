@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxe
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -59,9 +59,11 @@ class Pot(Parametric):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, WALL)
-        points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}
-        return NamedFrames(
-            points, tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius)
+        return standing(
+            self.height,
+            tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius),
+            inside=floor,
+            centre=floor,
         )
 
     def facts(self) -> dict[str, str]:

@@ -8,7 +8,7 @@ from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -60,9 +60,7 @@ class QrSign(Parametric):
             axes="y",
             offsets=(-0.5, -0.25, 0.0, 0.25, 0.5),
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "code": mark(0, -self.board, f + hz, (0, -1, 0))}, tuple(grasps)
-        )
+        return standing(self.height, grasps, code=mark(0, -self.board, f + hz, (0, -1, 0)))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"foot": self.foot_colour, "material": "wooden" if self.foot_material == "wood" else "plastic"}

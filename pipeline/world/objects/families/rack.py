@@ -8,7 +8,7 @@ from pipeline.world.materials import WOODS, metal, painted, wood
 from pipeline.world.objects.colliders import arc_of_capsules, cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, sphere, sweep
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -69,11 +69,4 @@ class Rack(Parametric):
     def frames(self) -> NamedFrames:
         root, tip = self.peg_path()
         out = tip - root
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.height),
-                "peg": mark(*tip, normal=out),
-                "peg_middle": mark(*((root + tip) / 2), normal=out),
-            }
-        )
+        return standing(self.height, peg=mark(*tip, normal=out), peg_middle=mark(*((root + tip) / 2), normal=out))

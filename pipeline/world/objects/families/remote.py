@@ -7,7 +7,7 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import decal, extrude, rounded_rectangle
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, standing
 from pipeline.world.objects.parameters import LONG, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -41,7 +41,6 @@ class Remote(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.thickness)},
-            box_pinches(self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x"),
+        return standing(
+            self.thickness, box_pinches(self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x")
         )

@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import ALONG_X, box_collider, cylinder_col
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LONG, Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -60,14 +60,11 @@ class Roller(Parametric):
             kind: bar_pinches([sign * x for x in places], self.handle, self.radius, rolls=(-20, 0, 20), kind=kind)
             for kind, sign in (("left_end", -1), ("right_end", 1))
         }
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, 2 * self.radius),
-                "left_end": mark(-end, 0, self.radius, (-1, 0, 0), (0, 0, 1)),
-                "right_end": mark(end, 0, self.radius, (1, 0, 0), (0, 0, 1)),
-            },
+        return standing(
+            2 * self.radius,
             (*grips["left_end"], *grips["right_end"]),
+            left_end=mark(-end, 0, self.radius, (-1, 0, 0), (0, 0, 1)),
+            right_end=mark(end, 0, self.radius, (1, 0, 0), (0, 0, 1)),
         )
 
     def facts(self) -> dict[str, str]:

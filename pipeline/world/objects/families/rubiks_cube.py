@@ -11,7 +11,7 @@ from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark
+from pipeline.world.objects.kit import standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.surface import join
 from pipeline.world.shapes import Shape
@@ -51,9 +51,7 @@ class RubiksCube(Parametric):
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.side)}, box_pinches(h, h, h, heights=(h,), offsets=(0.0,))
-        )
+        return standing(self.side, box_pinches(h, h, h, heights=(h,), offsets=(0.0,)))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {

@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import band, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -42,10 +42,7 @@ class SauceCan(Parametric):
 
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)},
-            side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]),
-        )
+        return standing(h, side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]), middle=mark(0, 0, h / 2))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"content": "tomatoes" if self.content == "TOMATO" else self.content.lower()}

@@ -8,7 +8,7 @@ from pipeline.world.materials import glaze, metal, plastic, print_texture, print
 from pipeline.world.objects.colliders import Colliders, box_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, decal, extrude, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -48,7 +48,7 @@ class Scale(Parametric):
 
     def frames(self) -> NamedFrames:
         z = self.body + 0.006
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, z), "centre": mark(0, self.hy - self.hx, z)})
+        return standing(z, centre=mark(0, self.hy - self.hx, z))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"platter": "" if self.platter == self.colour else self.platter}

@@ -10,7 +10,7 @@ from pipeline.world.objects.colliders import box_collider, cylinder_collider, di
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, side_prism
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -80,9 +80,7 @@ class Scanner(Parametric):
         grasps = side_pinches(
             0.98 * self.grip, (0.4 * neck, 0.55 * neck), pitches=(-15, 0, 15, 30, 45), outline=limit, kind="handle"
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "window": mark(*self.window, normal=(0, -1, 0))}, tuple(grasps)
-        )
+        return standing(self.height, grasps, window=mark(*self.window, normal=(0, -1, 0)))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"foot": self.trim}

@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import convex_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import decal, rounded_rectangle, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark
+from pipeline.world.objects.kit import COLOURS, PASTELS, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Material, Shape
 
@@ -48,7 +48,4 @@ class Soap(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)},
-            box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)),
-        )
+        return standing(self.height, box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)))

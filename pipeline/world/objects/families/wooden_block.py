@@ -9,7 +9,7 @@ from pipeline.world.objects.colliders import box_collider, convex_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, side_prism
 from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import mark
+from pipeline.world.objects.kit import standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
@@ -44,14 +44,9 @@ class WoodenBlock(Parametric):
     def frames(self) -> NamedFrames:
         a, b = self.length / 2, self.half
         if self.form == "cylinder":
-            return NamedFrames(
-                {"base": mark(0, 0, 0), "top": mark(0, 0, self.length)},
-                side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]),
-            )
+            return standing(self.length, side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]))
         spread = (-0.2, 0.0, 0.2) if self.form == "brick" else (0.0,)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, box_pinches(a, b, self.height / 2, offsets=spread, axes="y")
-        )
+        return standing(self.height, box_pinches(a, b, self.height / 2, offsets=spread, axes="y"))
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {"form": "trapezoid" if self.form == "wedge" else self.form}
