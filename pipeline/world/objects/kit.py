@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.poses import Pose, frame
+from pipeline.world.objects.contract import Grasp, NamedFrames
 
 COLOURS = (
     "red", "green", "blue", "yellow", "orange", "purple", "pink", "teal", "cyan", "magenta", "lime", "navy", "maroon", "coral",
@@ -40,6 +41,11 @@ def mark(x: float, y: float, z: float, normal: ArrayLike = (0, 0, 1), heading: A
     h = np.asarray(heading, float)
     h = h - n * (h @ n)
     return frame((x, y, z), h, np.cross(n, h))
+
+
+def standing(height: float, grasps: Sequence[Grasp] = (), **points: Pose) -> NamedFrames:
+    """Frames of an object of `height` (m) that stands at its origin: "base", "top" above it, and `points`; and its grasps."""
+    return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, height), **points}, tuple(grasps))
 
 
 def size_word(value: float, bounds: Range, words: tuple[str, str, str] = ("small", "medium-sized", "large")) -> str:

@@ -1,50 +1,32 @@
 """An alarm clock facing -y with a button on top: a twin-bell clock or a digital one."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import metal, painted, plastic, print_texture, printed
 from pipeline.world.objects.colliders import ALONG_Y, box_collider, cylinder_collider, push_button
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Material, Mesh, Shape
-
-HEIGHT = (0.085, 0.115)
 
 
 @register("alarm_clock")
 @dataclass(frozen=True)
-class AlarmClock(Family):
-    form: str  # "twin-bell" or "digital"
-    height: float
-    radius: float  # of the face; half width of a digital clock is 1.35 of it
-    half: float  # half depth
-    hour: float
-    colour: str
-    trim: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        height = rng.uniform(*HEIGHT)
-        return cls(
-            pick(rng, ("twin-bell", "digital")),
-            height,
-            height * rng.uniform(0.35, 0.4),
-            rng.uniform(0.022, 0.03),
-            rng.uniform(0, 12),
-            colour,
-            other(rng, ("silver", "gold", *COLOURS), colour),
-            seed(rng),
-        )
+class AlarmClock(Parametric):
+    colour: str = one_of(COLOURS)
+    height: float = between(0.085, 0.115, size=LARGE)
+    form: str = one_of(("twin-bell", "digital"))
+    radius: float = between(0.35, 0.4, of="height")  # of the face; half width of a digital clock is 1.35 of it
+    half: float = between(0.022, 0.03)  # half depth
+    hour: float = between(0, 12)
+    trim: str = one_of(("silver", "gold", *COLOURS), other_than="colour")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         return self._twin_bell() if self.form == "twin-bell" else self._digital()
@@ -122,10 +104,8 @@ class AlarmClock(Family):
             box_pinches(hx, self.half, self.height / 2, heights=(0.7 * self.height,), offsets=(0.0,), axes="y"),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "alarm_clock", "alarm clock", colour=self.colour, size=size_word(self.height, HEIGHT), form=self.form, button=self.trim
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"button": self.trim}
 
 
 def _standing(mesh: Mesh) -> Mesh:

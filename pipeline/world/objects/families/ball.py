@@ -1,32 +1,25 @@
 """A small ball, such as is tipped out of a bin."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import plastic, rubber
 from pipeline.world.objects.colliders import sphere_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, sphere
-from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
-
-RADIUS = (0.007, 0.010)
 
 
 @register("ball")
 @dataclass(frozen=True)
-class Ball(Family):
-    radius: float
-    density: float
-    material: str
-    colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(rng.uniform(*RADIUS), rng.uniform(900, 1500), pick(rng, ("plastic", "rubber")), pick(rng, COLOURS))
+class Ball(Parametric):
+    radius: float = between(0.007, 0.010, size=LARGE)
+    density: float = between(900, 1500)
+    material: str = one_of(("plastic", "rubber"))
+    colour: str = one_of(COLOURS)
 
     def shape(self) -> Shape:
         r = self.radius
@@ -39,7 +32,4 @@ class Ball(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, 2 * self.radius), "middle": mark(0, 0, self.radius)})
-
-    def words(self) -> Words:
-        return describe("ball", "ball", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.material)
+        return standing(2 * self.radius, middle=mark(0, 0, self.radius))

@@ -1,20 +1,18 @@
 """A carrying basket: a hollow box of wicker, long along x, with an arched handle over its middle from -y to +y."""
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import wrapped
 from pipeline.world.objects.colliders import arc_of_capsules, box_collider, walls_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import loft, rounded_rectangle, stacked, sweep
 from pipeline.world.objects.grasping import bar_pinches, turned
-from pipeline.world.objects.kit import mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Mesh, Shape, deferred
 
-LENGTH = (0.105, 0.125)  # half extent along x
 WALL = 0.006
 WEAVE = 0.056  # m: a tile of wicker, eight strands
 TONES = ("tan", "brown", "beige", "gold", "rust", "white", "gray", "charcoal", "red", "teal", "navy", "mint", "pink")
@@ -54,29 +52,15 @@ def wound(tube: Mesh, path: np.ndarray) -> Mesh:
 
 @register("basket")
 @dataclass(frozen=True)
-class Basket(Family):
-    hx: float
-    hy: float
-    height: float
-    arch: float  # height of the handle's top
-    grip: float  # radius of the handle
-    colour: str
-    handle_colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, TONES)
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.062, 0.078),
-            rng.uniform(0.06, 0.085),
-            rng.uniform(0.165, 0.2),
-            rng.uniform(0.006, 0.008),
-            colour,
-            other(rng, TONES, colour),
-            seed(rng),
-        )
+class Basket(Parametric):
+    colour: str = one_of(TONES)
+    hx: float = between(0.105, 0.125, size=LARGE)  # half extent along x
+    hy: float = between(0.062, 0.078)
+    height: float = between(0.06, 0.085)
+    arch: float = between(0.165, 0.2)  # height of the handle's top
+    grip: float = between(0.006, 0.008)  # radius of the handle
+    handle_colour: str = one_of(TONES, other_than="colour")
+    seed: int = texture()
 
     def arch_path(self) -> np.ndarray:
         """Axis of the handle (N,3), in the y-z plane."""
@@ -109,19 +93,16 @@ class Basket(Family):
     def frames(self) -> NamedFrames:
         floor, bar = mark(0, 0, WALL), self.arch - self.grip
         handle = bar_pinches([-0.012, 0.0, 0.012], self.grip, bar, rolls=(-45, -30, -15, 0, 15, 30, 45), kind="handle")
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.arch),
-                "handle": mark(0, 0, bar),
-                "inside": floor,
-                "centre": floor,
-                "left": mark(-0.56 * self.hx, 0, WALL),
-                "right": mark(0.56 * self.hx, 0, WALL),
-                "rim": mark(0, 0, self.height),
-            },
+        return standing(
+            self.arch,
             turned(handle, np.pi / 2),
+            handle=mark(0, 0, bar),
+            inside=floor,
+            centre=floor,
+            left=mark(-0.56 * self.hx, 0, WALL),
+            right=mark(0.56 * self.hx, 0, WALL),
+            rim=mark(0, 0, self.height),
         )
 
-    def words(self) -> Words:
-        return describe("basket", "basket", colour=self.colour, size=size_word(self.hx, LENGTH), handle=self.handle_colour)
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"handle": self.handle_colour}

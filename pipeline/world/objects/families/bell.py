@@ -1,47 +1,31 @@
 """A service bell: a dome on a base, rung by the button on top."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import metal, painted, plastic
 from pipeline.world.objects.colliders import convex_collider, disc, push_button
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, DARKS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, DARKS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.028, 0.034)
 COLLAR = 0.012  # m of upright wall at the foot of the dome, where it is held
 
 
 @register("bell")
 @dataclass(frozen=True)
-class Bell(Family):
-    radius: float
-    dome: float  # height of the dome
-    foot: float  # height of the base
-    knob: float  # radius of the button
-    finish: str  # "metal" or "painted"
-    colour: str
-    base_colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, finish = rng.uniform(*RADIUS), pick(rng, ("metal", "painted"))
-        colour = pick(rng, ("silver", "gold") if finish == "metal" else COLOURS)
-        return cls(
-            radius,
-            radius * rng.uniform(0.78, 0.98),
-            rng.uniform(0.010, 0.015),
-            rng.uniform(0.006, 0.009),
-            finish,
-            colour,
-            pick(rng, [c for c in DARKS if c != colour]),
-        )
+class Bell(Parametric):
+    radius: float = between(0.028, 0.034, size=LARGE)
+    material: str = one_of(("metal", "painted"))
+    colour: str = one_of({"metal": ("silver", "gold"), "painted": COLOURS}, by="material")
+    dome: float = between(0.78, 0.98, of="radius")  # height of the dome
+    foot: float = between(0.01, 0.015)  # height of the base
+    knob: float = between(0.006, 0.009)  # radius of the button
+    base_colour: str = one_of(DARKS, other_than="colour")
 
     @property
     def height(self) -> float:
@@ -57,7 +41,7 @@ class Bell(Family):
 
     def shape(self) -> Shape:
         r, f = self.radius, self.foot
-        skin = metal(self.colour) if self.finish == "metal" else painted(self.colour)
+        skin = metal(self.colour) if self.material == "metal" else painted(self.colour)
         foot = cylinder(0.93 * r, f, 24, bevel=0.002)
         dome = revolve([(0, f), (0.98 * r, f), *self.outline()], 24)
         stem = at(cylinder(0.0035, 0.012, 8), (0, 0, f + self.dome - 0.004))
@@ -79,12 +63,5 @@ class Bell(Family):
             side_pinches(self.radius, max(0.0215, f + 0.5 * COLLAR), outline=outline, kind="dome"),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "bell",
-            "bell",
-            colour=self.colour,
-            size=size_word(self.radius, RADIUS),
-            material="metal" if self.finish == "metal" else "painted",
-            base=self.base_colour,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"base": self.base_colour}

@@ -1,42 +1,31 @@
 """Bins, all hollow: a small one for the table, and two that stand on the floor beside it."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import metal, plastic
 from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes, walls_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.basket import open_box
 from pipeline.world.objects.geometry import at, box, revolve, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, WIDE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
-
-SMALL = (0.05, 0.065)
-ROUND = (0.19, 0.22)
-SQUARE = (0.18, 0.22)
 
 
 @register("table_bin")
 @dataclass(frozen=True)
-class TableBin(Family):
+class TableBin(Parametric):
     """Round and tapered, with a rim."""
 
-    radius: float  # at the rim
-    foot: float
-    height: float
-    material: str
-    colour: str
-    stripe: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, material = rng.uniform(*SMALL), pick(rng, ("plastic", "metal"))
-        colour = pick(rng, COLOURS)
-        return cls(radius, radius * rng.uniform(0.72, 0.9), rng.uniform(0.1, 0.135), material, colour, other(rng, COLOURS, colour))
+    radius: float = between(0.05, 0.065, size=LARGE)  # at the rim
+    material: str = one_of(("plastic", "metal"))
+    colour: str = one_of(COLOURS)
+    foot: float = between(0.72, 0.9, of="radius")
+    height: float = between(0.1, 0.135)
+    stripe: str = one_of(COLOURS, other_than="colour")
 
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, 0.004
@@ -60,35 +49,24 @@ class TableBin(Family):
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.004)
         flare = float(np.degrees(np.arctan2(self.radius - self.foot, self.height)))
-        points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}
-        return NamedFrames(points, rim_pinches(self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)))
-
-    def words(self) -> Words:
-        return describe(
-            "table_bin",
-            "table bin",
-            colour=self.colour,
-            size=size_word(self.radius, SMALL),
-            material=self.material,
-            stripe=self.stripe,
+        return standing(
+            self.height,
+            rim_pinches(self.radius, 0.004, self.height, 0.015, flare=flare, pitches=(30, 45, 60, 75, 90)),
+            inside=floor,
+            centre=floor,
         )
 
 
 @register("dustbin")
 @dataclass(frozen=True)
-class Dustbin(Family):
+class Dustbin(Parametric):
     """A round bin on the floor, open at the top."""
 
-    radius: float
-    foot: float
-    height: float
-    colour: str
-    rim: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, colour = rng.uniform(*ROUND), pick(rng, COLOURS)
-        return cls(radius, radius * rng.uniform(0.82, 0.95), rng.uniform(0.5, 0.62), colour, other(rng, COLOURS, colour))
+    radius: float = between(0.19, 0.22, size=WIDE)
+    colour: str = one_of(COLOURS)
+    foot: float = between(0.82, 0.95, of="radius")
+    height: float = between(0.5, 0.62)
+    rim: str = one_of(COLOURS, other_than="colour")
 
     def shape(self) -> Shape:
         r, f, h, wall = self.radius, self.foot, self.height, 0.008
@@ -104,41 +82,20 @@ class Dustbin(Family):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.008)
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor})
-
-    def words(self) -> Words:
-        return describe(
-            "dustbin",
-            "dustbin",
-            colour=self.colour,
-            size=size_word(self.radius, ROUND, ("narrow", "medium-sized", "wide")),
-            rim=self.rim,
-        )
+        return standing(self.height, inside=floor, centre=floor)
 
 
 @register("big_bin")
 @dataclass(frozen=True)
-class BigBin(Family):
+class BigBin(Parametric):
     """A rectangular bin on the floor, open at the top."""
 
-    hx: float
-    hy: float
-    height: float
-    corner: float
-    colour: str
-    rim: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(*SQUARE),
-            rng.uniform(0.2, 0.27),
-            rng.uniform(0.46, 0.58),
-            rng.uniform(0.02, 0.06),
-            colour,
-            other(rng, COLOURS, colour),
-        )
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.18, 0.22)
+    hy: float = between(0.2, 0.27)
+    height: float = between(0.46, 0.58, size=("low", "medium-sized", "tall"))
+    corner: float = between(0.02, 0.06)
+    rim: str = one_of(COLOURS, other_than="colour")
 
     def shape(self) -> Shape:
         wall = 0.01
@@ -158,13 +115,4 @@ class BigBin(Family):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.01)
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor})
-
-    def words(self) -> Words:
-        return describe(
-            "big_bin",
-            "big bin",
-            colour=self.colour,
-            size=size_word(self.height, (0.46, 0.58), ("low", "medium-sized", "tall")),
-            rim=self.rim,
-        )
+        return standing(self.height, inside=floor, centre=floor)

@@ -1,34 +1,26 @@
 """A cube, about 5 cm."""
 
 from dataclasses import dataclass
-from typing import Self
-
-import numpy as np
 
 from pipeline.world.materials import painted, plastic, rubber, worn
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-SIDE = (0.044, 0.056)
 SKINS = {"painted": (painted, 600.0), "plastic": (plastic, 500.0), "rubber": (rubber, 700.0)}
 
 
 @register("block")
 @dataclass(frozen=True)
-class Block(Family):
-    side: float
-    bevel: float
-    material: str
-    colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(rng.uniform(*SIDE), rng.uniform(0.001, 0.006), pick(rng, tuple(SKINS)), pick(rng, COLOURS))
+class Block(Parametric):
+    side: float = between(0.044, 0.056, size=LARGE)
+    bevel: float = between(0.001, 0.006)
+    material: str = one_of(tuple(SKINS))
+    colour: str = one_of(COLOURS)
 
     def shape(self) -> Shape:
         h = self.side / 2
@@ -48,6 +40,3 @@ class Block(Family):
         return NamedFrames(
             {"base": mark(0, 0, 0), "top": top, "centre": top}, box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,))
         )
-
-    def words(self) -> Words:
-        return describe("block", "block", colour=self.colour, size=size_word(self.side, SIDE), material=self.material)

@@ -1,17 +1,16 @@
 """A capped bottle with a label, standing."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import glaze, plastic, print_texture, printed
 from pipeline.world.objects.colliders import convex_collider, cylinder_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
 HEIGHT = (0.15, 0.215)
@@ -24,33 +23,17 @@ FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  #
 
 @register("bottle")
 @dataclass(frozen=True)
-class Bottle(Family):
-    radius: float
-    height: float
-    form: str
-    neck: float  # radius of the cap
-    cap: float  # height of the cap
-    colour: str
-    cap_colour: str
-    label_colour: str
-    brand: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, colour = rng.uniform(0.026, 0.032), pick(rng, COLOURS)
-        return cls(
-            radius,
-            rng.uniform(*HEIGHT),
-            pick(rng, tuple(FORMS)),
-            radius * rng.uniform(0.42, 0.56),
-            rng.uniform(0.014, 0.024),
-            colour,
-            other(rng, COLOURS, colour),
-            other(rng, COLOURS, colour),
-            pick(rng, BRANDS),
-            seed(rng),
-        )
+class Bottle(Parametric):
+    radius: float = between(0.026, 0.032)
+    colour: str = one_of(COLOURS)
+    height: float = between(*HEIGHT, size=TALL)
+    form: str = one_of(tuple(FORMS))
+    neck: float = between(0.42, 0.56, of="radius")  # radius of the cap
+    cap: float = between(0.014, 0.024)  # height of the cap
+    cap_colour: str = one_of(COLOURS, other_than="colour")
+    label_colour: str = one_of(COLOURS, other_than="colour")
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
 
     @property
     def body(self) -> float:
@@ -91,17 +74,12 @@ class Bottle(Family):
         low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
         high = side_pinches(r, b - 0.014, outline=outline, kind="high")
         neck = side_pinches(self.neck, self.height - 0.35 * self.cap, pitches=NECK_PITCHES, outline=outline, kind="neck")
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "cap": mark(0, 0, self.height), "middle": mark(0, 0, b / 2)},
+        return standing(
+            self.height,
             (*low, *side_pinches(r, 0.65 * b, outline=outline), *high, *neck),
+            cap=mark(0, 0, self.height),
+            middle=mark(0, 0, b / 2),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "bottle",
-            "bottle",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            cap=self.cap_colour,
-            label=self.label_colour,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"cap": self.cap_colour, "label": self.label_colour}

@@ -2,45 +2,30 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import glaze
 from pipeline.world.objects.colliders import disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.052, 0.072)
 WALL = 0.004
 
 
 @register("bowl")
 @dataclass(frozen=True)
-class Bowl(Family):
-    radius: float
-    height: float
-    foot: float  # radius of the standing ring
-    belly: float  # how far the wall bulges beyond a straight cone, as a share of the radius
-    colour: str
-    inside: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius = rng.uniform(*RADIUS)
-        colour = pick(rng, COLOURS)
-        return cls(
-            radius,
-            radius * rng.uniform(0.68, 0.88),
-            radius * rng.uniform(0.48, 0.6),
-            rng.uniform(0.08, 0.17),
-            colour,
-            pick(rng, (colour, *PASTELS)),
-        )
+class Bowl(Parametric):
+    radius: float = between(0.052, 0.072, size=LARGE)
+    colour: str = one_of(COLOURS)
+    height: float = between(0.68, 0.88, of="radius")
+    foot: float = between(0.48, 0.6, of="radius")  # radius of the standing ring
+    belly: float = between(0.08, 0.17)  # how far the wall bulges beyond a straight cone, as a share of the radius
+    inside: str = one_of(PASTELS, also="colour")
 
     def outer(self) -> list[tuple[float, float]]:
         """Silhouette of the wall, (radius, z) from the foot to the rim, in three straight pieces."""
@@ -68,16 +53,7 @@ class Bowl(Family):
         (r0, z0), (r1, z1) = self.outer()[-2:]
         flare = float(np.degrees(np.arctan2(r1 - r0, z1 - z0)))
         floor = mark(0, 0, 0.005 + WALL)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor},
-            rim_pinches(self.radius, WALL, self.height, flare=flare),
-        )
+        return standing(self.height, rim_pinches(self.radius, WALL, self.height, flare=flare), inside=floor, centre=floor)
 
-    def words(self) -> Words:
-        return describe(
-            "bowl",
-            "bowl",
-            colour=self.colour,
-            size=size_word(self.radius, RADIUS),
-            inside="" if self.inside == self.colour else self.inside,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"inside": "" if self.inside == self.colour else self.inside}

@@ -1,24 +1,22 @@
 """Printed boxes: playing cards, tea, coffee."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about, quat_multiply
 from pipeline.world.materials import print_texture, printed
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
 STYLES = ("label", "stripes", "dots", "diamond")
 TEA = (0.08, 0.11)
 COFFEE = (0.105, 0.145)
-CARDS = (0.080, 0.092)
 
 
 def carton(
@@ -35,31 +33,19 @@ def upright(turns: float) -> np.ndarray:
 
 @register("playing_cards")
 @dataclass(frozen=True)
-class PlayingCards(Family):
+class PlayingCards(Parametric):
     """A boxed deck lying flat, its long side along y."""
 
-    hx: float
-    length: float
-    height: float
-    colour: str
-    ink: str
-    style: str
-    brand: str
-    seed: int
+    noun = "card deck"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.028, 0.033),
-            rng.uniform(*CARDS),
-            rng.uniform(0.019, 0.027),
-            colour,
-            other(rng, COLOURS, colour),
-            pick(rng, STYLES),
-            pick(rng, BRANDS),
-            seed(rng),
-        )
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.028, 0.033)
+    length: float = between(0.080, 0.092)
+    height: float = between(0.019, 0.027, size=("thin", "medium-sized", "thick"))
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hy, hz = self.hx, self.length / 2, self.height / 2
@@ -71,46 +57,21 @@ class PlayingCards(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)},
-            box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"),
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "playing_cards",
-            "card deck",
-            colour=self.colour,
-            size=size_word(self.height, (0.019, 0.027), ("thin", "medium-sized", "thick")),
-            ink=self.ink,
-        )
+        return standing(self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"))
 
 
 @register("tea_box")
 @dataclass(frozen=True)
-class TeaBox(Family):
+class TeaBox(Parametric):
     """A standing tea box with a bar code block on each of its four sides."""
 
-    hx: float
-    hy: float
-    height: float
-    colour: str
-    ink: str
-    style: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.026, 0.033),
-            rng.uniform(0.026, 0.034),
-            rng.uniform(*TEA),
-            colour,
-            other(rng, COLOURS, colour),
-            pick(rng, STYLES),
-            seed(rng),
-        )
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.026, 0.033)
+    hy: float = between(0.026, 0.034)
+    height: float = between(*TEA, size=TALL)
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hy, hz = self.hx, self.hy, self.height / 2
@@ -134,55 +95,29 @@ class TeaBox(Family):
 
     def frames(self) -> NamedFrames:
         z, hx, hy = self.code_height, self.hx, self.hy
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.height),
-                "front": mark(0, -hy, z, (0, -1, 0)),
-                "back": mark(0, hy, z, (0, 1, 0)),
-                "right": mark(hx, 0, z, (1, 0, 0), (0, 1, 0)),
-                "left": mark(-hx, 0, z, (-1, 0, 0), (0, 1, 0)),
-            },
+        return standing(
+            self.height,
             box_pinches(hx, hy, self.height / 2),
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "tea_box",
-            "tea box",
-            colour=self.colour,
-            size=size_word(self.height, TEA, ("short", "medium-sized", "tall")),
-            ink=self.ink,
+            front=mark(0, -hy, z, (0, -1, 0)),
+            back=mark(0, hy, z, (0, 1, 0)),
+            right=mark(hx, 0, z, (1, 0, 0), (0, 1, 0)),
+            left=mark(-hx, 0, z, (-1, 0, 0), (0, 1, 0)),
         )
 
 
 @register("coffee_box")
 @dataclass(frozen=True)
-class CoffeeBox(Family):
+class CoffeeBox(Parametric):
     """A standing coffee box, wider than deep."""
 
-    hx: float
-    hy: float
-    height: float
-    colour: str
-    ink: str
-    style: str
-    brand: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.038, 0.050),
-            rng.uniform(0.026, 0.033),
-            rng.uniform(*COFFEE),
-            colour,
-            other(rng, COLOURS, colour),
-            pick(rng, STYLES),
-            pick(rng, ("COFFEE", "MOCHA", "ROAST", "BEANS", "LATTE")),
-            seed(rng),
-        )
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.038, 0.05)
+    hy: float = between(0.026, 0.033)
+    height: float = between(*COFFEE, size=TALL)
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    brand: str = one_of(("COFFEE", "MOCHA", "ROAST", "BEANS", "LATTE"))
+    seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hy, hz = self.hx, self.hy, self.height / 2
@@ -196,15 +131,4 @@ class CoffeeBox(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, box_pinches(self.hx, self.hy, self.height / 2, axes="y")
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "coffee_box",
-            "coffee box",
-            colour=self.colour,
-            size=size_word(self.height, COFFEE, ("short", "medium-sized", "tall")),
-            ink=self.ink,
-        )
+        return standing(self.height, box_pinches(self.hx, self.hy, self.height / 2, axes="y"))

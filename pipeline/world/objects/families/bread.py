@@ -1,18 +1,17 @@
 """Bread in four forms: a bun, a tin loaf, a short baguette, a square roll."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import wrapped
 from pipeline.world.objects.colliders import convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, ellipse, rounded_rectangle, scaled, sphere, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import size_word, standing
+from pipeline.world.objects.parameters import Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Material, Mesh, Shape, seen_along
 
 FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}  # length over width
@@ -28,28 +27,14 @@ OBLIQUE = np.array([[1.0, 0.0, 0.55], [0.0, 1.0, -0.65]])  # no side of the crus
 
 @register("bread")
 @dataclass(frozen=True)
-class Bread(Family):
-    form: str
-    width: float
-    length: float
-    height: float
-    crust: str
-    shade: float
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        form = pick(rng, tuple(FORMS))
-        width = rng.uniform(*WIDTH) * (0.86 if form == "baguette" else 1.0)
-        return cls(
-            form,
-            width,
-            width * rng.uniform(*FORMS[form]),
-            rng.uniform(0.036, 0.046),
-            pick(rng, tuple(CRUSTS)),
-            rng.uniform(0.9, 1.1),
-            seed(rng),
-        )
+class Bread(Parametric):
+    form: str = one_of(tuple(FORMS))
+    width: float = drawn(lambda rng, bread: rng.uniform(*WIDTH) * (0.86 if bread.form == "baguette" else 1.0))
+    length: float = drawn(lambda rng, bread: bread.width * rng.uniform(*FORMS[bread.form]))
+    height: float = between(0.036, 0.046)
+    crust: str = one_of(tuple(CRUSTS))
+    shade: float = between(0.9, 1.1)
+    seed: int = texture()
 
     def rings(self) -> np.ndarray:
         """Horizontal rings (L,K,3) of the body, from the base up."""
@@ -120,16 +105,14 @@ class Bread(Family):
             offsets=offsets,
             axes="xy" if self.form in ("bun", "roll") else "y",
         )
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
+        return standing(self.height, grasps)
 
-    def words(self) -> Words:
-        return describe(
-            "bread",
-            "bread",
-            colour=self.crust,
-            size=size_word(self.width, WIDTH),
-            form="bread roll" if self.form == "roll" else self.form,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "colour": self.crust,
+            "size": size_word(self.width, WIDTH),
+            "form": "bread roll" if self.form == "roll" else self.form,
+        }
 
 
 def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

@@ -1,47 +1,32 @@
 """A shallow bread basket, hollow, without handle."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import fabric, wrapped
 from pipeline.world.objects.colliders import box_collider, walls_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.basket import TONES, open_box, wound
 from pipeline.world.objects.geometry import at, box, rounded_rectangle, sweep
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape, seen_along
 
-LENGTH = (0.085, 0.115)
 WALL = 0.006
 
 
 @register("bread_basket")
 @dataclass(frozen=True)
-class BreadBasket(Family):
-    hx: float
-    hy: float
-    height: float
-    corner: float
-    colour: str
-    cloth: str  # colour of the cloth inside
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, TONES)
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.062, 0.08),
-            rng.uniform(0.034, 0.05),
-            rng.uniform(0.012, 0.035),
-            colour,
-            other(rng, TONES, colour),
-            seed(rng),
-        )
+class BreadBasket(Parametric):
+    colour: str = one_of(TONES)
+    hx: float = between(0.085, 0.115, size=LARGE)
+    hy: float = between(0.062, 0.08)
+    height: float = between(0.034, 0.05)
+    corner: float = between(0.012, 0.035)
+    cloth: str = one_of(TONES, other_than="colour")  # colour of the cloth inside
+    seed: int = texture()
 
     def shape(self) -> Shape:
         body = open_box(self.hx, self.hy, self.height, WALL, self.corner)
@@ -76,7 +61,4 @@ class BreadBasket(Family):
                 0.5 * self.hx, WALL / 2, self.height / 2, (0, sign * (self.hy - WALL / 2), self.height / 2), axes="y", kind="rim"
             )
         ]
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}, tuple(rim))
-
-    def words(self) -> Words:
-        return describe("bread_basket", "bread basket", colour=self.colour, size=size_word(self.hx, LENGTH), cloth=self.cloth)
+        return standing(self.height, rim, inside=floor, centre=floor)

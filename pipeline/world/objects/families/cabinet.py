@@ -11,13 +11,14 @@ from pipeline.world.objects.colliders import box_collider, capsule_between, wall
 from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
 from pipeline.world.objects.geometry import at, box, sweep
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Material, Shape
 
-WIDTH = (0.14, 0.17)  # half extent along x
 BOARD = 0.012
 GAP = 0.002
+TONES = (*WOODS, *COLOURS)
 
 
 def _skin(colour: str, texture: int) -> Material:
@@ -77,13 +78,6 @@ class Drawer(Family):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, 0.006)
-        points = {
-            "base": mark(0, 0, 0),
-            "top": mark(0, 0, self.front_height),
-            "inside": floor,
-            "centre": floor,
-            "handle": mark(*self.handle_at, normal=(0, -1, 0)),
-        }
         _, y, z = self.handle_at
         grips = [
             g
@@ -91,7 +85,7 @@ class Drawer(Family):
             for turn in (0.0, 0.2, -0.2)
             for g in handle_pinches((0, y, z + dz), (0, 0, 1), (np.sin(turn), -np.cos(turn), 0), 0.012, (0, -15, -30, -45, -60))
         ]
-        return NamedFrames(points, tuple(grips))
+        return standing(self.front_height, grips, inside=floor, centre=floor, handle=mark(*self.handle_at, normal=(0, -1, 0)))
 
     def words(self) -> Words:
         return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
@@ -99,34 +93,18 @@ class Drawer(Family):
 
 @register("cabinet")
 @dataclass(frozen=True)
-class Cabinet(Family):
+class Cabinet(Parametric):
     """The shell: sides, back, top and bottom boards; the drawer's bay is open towards -y, below it a closed front."""
 
-    hx: float
-    hy: float
-    bay: float  # height of the opening
-    foot: float  # height of the closed part below
-    bar: float
-    colour: str
-    drawer_colour: str
-    handle_colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        tones = (*WOODS, *COLOURS)
-        colour = pick(rng, tones)
-        return cls(
-            rng.uniform(*WIDTH),
-            rng.uniform(0.10, 0.12),
-            rng.uniform(0.09, 0.11),
-            rng.uniform(0.03, 0.08),
-            rng.uniform(0.030, 0.036),
-            colour,
-            pick(rng, (colour, *tones)),
-            pick(rng, ("silver", "gold", "charcoal")),
-            seed(rng),
-        )
+    colour: str = one_of(TONES)
+    hx: float = between(0.14, 0.17, size=LARGE)  # half extent along x
+    hy: float = between(0.1, 0.12)
+    bay: float = between(0.09, 0.11)  # height of the opening
+    foot: float = between(0.03, 0.08)  # height of the closed part below
+    bar: float = between(0.03, 0.036)
+    drawer_colour: str = one_of(TONES, also="colour")
+    handle_colour: str = one_of(("silver", "gold", "charcoal"))
+    seed: int = texture()
 
     @property
     def height(self) -> float:
@@ -177,16 +155,12 @@ class Cabinet(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "slot": self.slot()})
+        return standing(self.height, slot=self.slot())
 
-    def words(self) -> Words:
-        return describe(
-            "cabinet",
-            "cabinet",
-            colour=self.colour,
-            size=size_word(self.hx, WIDTH),
-            material="wooden" if self.colour in WOODS else "painted",
-            plain="" if self.colour in WOODS else "painted",
-            drawer=self.drawer_colour,
-            handle=self.handle_colour,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "material": "wooden" if self.colour in WOODS else "painted",
+            "plain": "" if self.colour in WOODS else "painted",
+            "drawer": self.drawer_colour,
+            "handle": self.handle_colour,
+        }

@@ -1,45 +1,29 @@
 """A drink can."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import metal, print_texture, printed, wrapped
 from pipeline.world.objects.colliders import cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, box, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
-
-HEIGHT = (0.085, 0.125)
 
 
 @register("can")
 @dataclass(frozen=True)
-class Can(Family):
-    radius: float
-    height: float
-    colour: str
-    ink: str
-    style: str  # print: "product", "stripes", "diamond" or "dots"
-    brand: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.026, 0.033),
-            rng.uniform(*HEIGHT),
-            colour,
-            other(rng, COLOURS, colour),
-            pick(rng, ("product", "stripes", "diamond", "dots")),
-            pick(rng, BRANDS),
-            seed(rng),
-        )
+class Can(Parametric):
+    colour: str = one_of(COLOURS)
+    radius: float = between(0.026, 0.033)
+    height: float = between(0.085, 0.125, size=TALL)
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(("product", "stripes", "diamond", "dots"))  # print
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, h = self.radius, self.height
@@ -61,12 +45,4 @@ class Can(Family):
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
         outline = [(0.8 * r, 0.0), (r, 0.008), (r, h - 0.01), (0.84 * r, h)]
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)},
-            side_pinches(r, (0.5 * h, h - 0.026), outline=outline),
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "can", "can", colour=self.colour, size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")), ink=self.ink
-        )
+        return standing(h, side_pinches(r, (0.5 * h, h - 0.026), outline=outline), middle=mark(0, 0, h / 2))

@@ -1,21 +1,19 @@
 """A cup without handle: a tumbler of plastic, ceramic or metal."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import glaze, metal, plastic
 from pipeline.world.objects.colliders import disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.objects.surface import join
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.028, 0.034)
 WALL = 0.003
 BANDS = (0.56, 0.575), (0.62, 0.76), (0.805, 0.82)  # shares of the height
 SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": (metal, 4000.0)}
@@ -23,21 +21,13 @@ SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": (met
 
 @register("cup")
 @dataclass(frozen=True)
-class Cup(Family):
-    radius: float  # at the rim
-    foot: float  # at the base
-    height: float
-    material: str
-    colour: str
-    stripe: str  # colour of the band round it
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, material = rng.uniform(*RADIUS), pick(rng, tuple(SKINS))
-        colour = pick(rng, COLOURS)
-        return cls(
-            radius, radius * rng.uniform(0.74, 0.98), radius * rng.uniform(2.4, 3.2), material, colour, other(rng, COLOURS, colour)
-        )
+class Cup(Parametric):
+    radius: float = between(0.028, 0.034, size=LARGE)  # at the rim
+    material: str = one_of(tuple(SKINS))
+    colour: str = one_of(COLOURS)
+    foot: float = between(0.74, 0.98, of="radius")  # at the base
+    height: float = between(2.4, 3.2, of="radius")
+    stripe: str = one_of(COLOURS, other_than="colour")  # colour of the band round it
 
     def shape(self) -> Shape:
         r, f, h = self.radius, self.foot, self.height
@@ -60,12 +50,4 @@ class Cup(Family):
         flare = float(np.degrees(np.arctan2(r - f, h)))
         side = [g for s in (0.5, 0.72) for g in side_pinches(f + (r - f) * s, s * h, outline=outline)]
         floor = mark(0, 0, WALL)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "inside": floor, "centre": floor},
-            (*side, *rim_pinches(r, WALL, h, flare=flare)),
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "cup", "cup", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.material, stripe=self.stripe
-        )
+        return standing(h, (*side, *rim_pinches(r, WALL, h, flare=flare)), inside=floor, centre=floor)

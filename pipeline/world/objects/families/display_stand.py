@@ -1,49 +1,35 @@
 """A display stand: a plate on a column on a foot."""
 
 from dataclasses import dataclass
-from typing import Self
-
-import numpy as np
 
 from pipeline.world.materials import glaze, metal, painted, srgb, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, extrude, revolve, rounded_rectangle, stack
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Material, Shape
 
-RADIUS = (0.055, 0.075)
+TONES = {
+    "wood": ("oak", "walnut", "pine", "birch"),
+    "metal": ("silver", "gold", "charcoal"),
+    "painted": COLOURS,
+    "ceramic": COLOURS,
+}
 
 
 @register("display_stand")
 @dataclass(frozen=True)
-class DisplayStand(Family):
-    radius: float  # of the plate; half extent of a square one
-    height: float
-    foot: float
-    column: float
-    plate: float  # thickness
-    form: str
-    material: str
-    colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, material = rng.uniform(*RADIUS), pick(rng, ("wood", "metal", "painted", "ceramic"))
-        tones = {"wood": ("oak", "walnut", "pine", "birch"), "metal": ("silver", "gold", "charcoal")}.get(material, COLOURS)
-        return cls(
-            radius,
-            rng.uniform(0.045, 0.085),
-            radius * rng.uniform(0.75, 0.95),
-            radius * rng.uniform(0.2, 0.45),
-            rng.uniform(0.007, 0.012),
-            pick(rng, ("round", "square")),
-            material,
-            pick(rng, tones),
-            seed(rng),
-        )
+class DisplayStand(Parametric):
+    radius: float = between(0.055, 0.075, size=LARGE)  # of the plate; half extent of a square one
+    material: str = one_of(tuple(TONES))
+    height: float = between(0.045, 0.085)
+    foot: float = between(0.75, 0.95, of="radius")
+    column: float = between(0.2, 0.45, of="radius")
+    plate: float = between(0.007, 0.012)  # thickness
+    form: str = one_of(("round", "square"))
+    colour: str = one_of(TONES, by="material")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, h, f, c, t = self.radius, self.height, self.foot, self.column, self.plate
@@ -75,17 +61,6 @@ class DisplayStand(Family):
     def frames(self) -> NamedFrames:
         top = mark(0, 0, self.height)
         return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
-
-    def words(self) -> Words:
-        return describe(
-            "display_stand",
-            "display stand",
-            colour=self.colour,
-            size=size_word(self.radius, RADIUS),
-            material="wooden" if self.material == "wood" else self.material,
-            plain="" if self.material == "wood" else self.material,
-            form=self.form,
-        )
 
 
 def _edge(r: float, t: float) -> list[tuple[float, float]]:

@@ -1,47 +1,31 @@
 """A small desk fan, facing -y."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import plastic
 from pipeline.world.objects.colliders import ALONG_Y, cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, sweep
 from pipeline.world.objects.grasping import TILTED, box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of
 from pipeline.world.objects.surface import join
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
-
-HEIGHT = (0.13, 0.165)
 
 
 @register("fan")
 @dataclass(frozen=True)
-class Fan(Family):
-    height: float
-    radius: float  # of the cage
-    half: float  # half thickness of the cage
-    foot: float
-    blades: int
-    colour: str
-    blade_colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.042, 0.052),
-            rng.uniform(0.014, 0.018),
-            rng.uniform(0.04, 0.05),
-            int(rng.integers(3, 6)),
-            colour,
-            other(rng, COLOURS, colour),
-        )
+class Fan(Parametric):
+    colour: str = one_of(COLOURS)
+    height: float = between(0.13, 0.165, size=LARGE)
+    radius: float = between(0.042, 0.052)  # of the cage
+    half: float = between(0.014, 0.018)  # half thickness of the cage
+    foot: float = between(0.04, 0.05)
+    blades: int = drawn(lambda rng, so_far: int(rng.integers(3, 6)))
+    blade_colour: str = one_of(COLOURS, other_than="colour")
 
     def shape(self) -> Shape:
         r, w, z = self.radius, self.half, self.height - self.radius
@@ -85,20 +69,10 @@ class Fan(Family):
             offsets=(-0.4, 0.0, 0.4),
             axes="y",
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "front": mark(0, -self.half, z, (0, -1, 0), (1, 0, 0))},
-            tuple(grasps),
-        )
+        return standing(self.height, grasps, front=mark(0, -self.half, z, (0, -1, 0), (1, 0, 0)))
 
-    def words(self) -> Words:
-        return describe(
-            "fan",
-            "fan",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT),
-            blade=self.blade_colour,
-            blades=("three", "four", "five")[self.blades - 3],
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"blade": self.blade_colour, "blades": ("three", "four", "five")[self.blades - 3]}
 
 
 def _turn(angle: float) -> np.ndarray:

@@ -10,39 +10,26 @@ from pipeline.world.objects.colliders import box_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
 from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape, seen_along
 
-COASTER = (0.042, 0.055)
 MAT = (0.10, 0.17)
+TONES = {"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS, "painted": COLOURS}
 
 
 @register("coaster")
 @dataclass(frozen=True)
-class Coaster(Family):
+class Coaster(Parametric):
     """Round or square, with a ring on it."""
 
-    radius: float
-    thickness: float
-    form: str
-    material: str
-    colour: str
-    ring: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material = pick(rng, ("wood", "rubber", "painted"))
-        colour = pick(rng, ("oak", "walnut", "beech", "mahogany") if material == "wood" else COLOURS)
-        return cls(
-            rng.uniform(*COASTER),
-            rng.uniform(0.004, 0.007),
-            pick(rng, ("round", "square")),
-            material,
-            colour,
-            other(rng, COLOURS, colour),
-            seed(rng),
-        )
+    material: str = one_of(tuple(TONES))
+    colour: str = one_of(TONES, by="material")
+    radius: float = between(0.042, 0.055, size=LARGE)
+    thickness: float = between(0.004, 0.007)
+    form: str = one_of(("round", "square"))
+    ring: str = one_of(COLOURS, other_than="colour")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, t = self.radius, self.thickness
@@ -59,18 +46,6 @@ class Coaster(Family):
     def frames(self) -> NamedFrames:
         top = mark(0, 0, self.thickness)
         return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
-
-    def words(self) -> Words:
-        return describe(
-            "coaster",
-            "coaster",
-            colour=self.colour,
-            size=size_word(self.radius, COASTER),
-            material="wooden" if self.material == "wood" else self.material,
-            plain="" if self.material == "wood" else self.material,
-            form=self.form,
-            ring=self.ring,
-        )
 
 
 @register("mat")

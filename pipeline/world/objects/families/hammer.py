@@ -1,51 +1,33 @@
 """A mallet standing on its striking face: the head upright over the origin, the grip level along -x."""
 
 from dataclasses import dataclass, replace
-from typing import Self
-
-import numpy as np
 
 from pipeline.poses import pose
 from pipeline.world.materials import metal, painted, rubber, wood
 from pipeline.world.objects.colliders import ALONG_X, cylinder_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LONG, Parametric, between, one_of, texture
 from pipeline.world.objects.surface import join
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Collider, Shape
 
-LENGTH = (0.17, 0.23)
 _STEEL_TO_WOOD = 9.0
 _METALS = ("silver", "charcoal", "gray")
 
 
 @register("hammer")
 @dataclass(frozen=True)
-class Hammer(Family):
-    length: float  # of the grip, from the head's axis
-    half: float  # half thickness of the grip
-    face: float  # radius of the striking face
-    reach: float  # height of the head as it stands
-    grip: str  # "wood" or "rubber"
-    colour: str
-    head_colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        grip = pick(rng, ("wood", "rubber"))
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.010, 0.0125),
-            rng.uniform(0.021, 0.026),
-            rng.uniform(0.066, 0.082),
-            grip,
-            pick(rng, ("oak", "walnut", "beech", "mahogany") if grip == "wood" else COLOURS),
-            pick(rng, (*_METALS, "red", "blue")),
-            seed(rng),
-        )
+class Hammer(Parametric):
+    grip: str = one_of(("wood", "rubber"))
+    length: float = between(0.17, 0.23, size=LONG)  # of the grip, from the head's axis
+    half: float = between(0.01, 0.0125)  # half thickness of the grip
+    face: float = between(0.021, 0.026)  # radius of the striking face
+    reach: float = between(0.066, 0.082)  # height of the head as it stands
+    colour: str = one_of({"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS}, by="grip")
+    head_colour: str = one_of((*_METALS, "red", "blue"))
+    seed: int = texture()
 
     def shape(self) -> Shape:
         h, f, long, z = self.half, self.face, self.length, self.reach / 2
@@ -80,22 +62,16 @@ class Hammer(Family):
 
     def frames(self) -> NamedFrames:
         h, long, z = self.half, self.length, self.reach / 2
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.reach),
-                "face": mark(0, 0, 0, (0, 0, -1)),
-                "grip": mark(-0.6 * long, 0, z),
-            },
+        return standing(
+            self.reach,
             bar_pinches([-0.7 * long, -0.6 * long, -0.5 * long], h, z, kind="handle"),
+            face=mark(0, 0, 0, (0, 0, -1)),
+            grip=mark(-0.6 * long, 0, z),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "hammer",
-            "hammer",
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            grip=self.colour if self.grip == "wood" else f"{self.colour} rubber",
-            hafted="wooden-handled" if self.grip == "wood" else "rubber-handled",
-            head=self.head_colour,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "grip": self.colour if self.grip == "wood" else f"{self.colour} rubber",
+            "hafted": "wooden-handled" if self.grip == "wood" else "rubber-handled",
+            "head": self.head_colour,
+        }

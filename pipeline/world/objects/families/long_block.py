@@ -2,17 +2,14 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Self
-
-import numpy as np
 
 from pipeline.world.materials import painted, worn
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import PITCHES, box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
 SHORT_OF_THE_MIDDLE = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020)
@@ -25,21 +22,11 @@ HEIGHT = 0.20
 
 @register("long_block")
 @dataclass(frozen=True)
-class LongBlock(Family):
-    bevel: float
-    colour: str
-    band: str  # colour of the ring round the middle
-    band_width: float
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, ("red", "maroon", "coral", "rust"))
-        return cls(
-            rng.uniform(0.001, 0.005),
-            colour,
-            other(rng, COLOURS, colour),
-            rng.uniform(0.006, 0.025),
-        )
+class LongBlock(Parametric):
+    colour: str = one_of(("red", "maroon", "coral", "rust"))
+    bevel: float = between(0.001, 0.005)
+    band: str = one_of(COLOURS, other_than="colour")  # colour of the ring round the middle
+    band_width: float = between(0.006, 0.025)
 
     def shape(self) -> Shape:
         w, h = HALF, HEIGHT / 2
@@ -56,12 +43,4 @@ class LongBlock(Family):
         grips = partial(box_pinches, w, w, h / 2, pitches=PITCHES, offsets=(0.0,), retreats=SHORT_OF_THE_MIDDLE)
         low = grips(heights=(0.035, 0.055, 0.09), kind="low")
         high = grips(heights=(h - 0.07, h - 0.05, h - 0.03), kind="high")
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)}, (*low, *high))
-
-    def words(self) -> Words:
-        return describe(
-            "long_block",
-            "long block",
-            colour=self.colour,
-            band=self.band,
-        )
+        return standing(h, (*low, *high), middle=mark(0, 0, h / 2))

@@ -8,7 +8,7 @@ from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.world.objects.contract import NamedFrames, Words, register
 from pipeline.world.objects.families.bottle import HEIGHT, Bottle
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import mark, size_word
+from pipeline.world.objects.kit import mark, size_word, standing
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
@@ -34,8 +34,7 @@ class LyingBottle(Bottle):
     def frames(self) -> NamedFrames:
         r, end = self.radius, self.height / 2
         along = [share * self.body - end for share in (0.3, 0.45, 0.6, 0.75)]
-        points = {"base": mark(0, 0, 0), "top": mark(0, 0, 2 * r), "cap": mark(end, 0, r, (1, 0, 0), (0, 0, -1))}
-        return NamedFrames(points, bar_pinches(along, r, r, kind="body"))
+        return standing(2 * r, bar_pinches(along, r, r, kind="body"), cap=mark(end, 0, r, (1, 0, 0), (0, 0, -1)))
 
     def words(self) -> Words:
         return describe(

@@ -1,46 +1,30 @@
 """A handheld microphone lying along x, its head towards +x."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about, quat_multiply, quat_rotate
 from pipeline.world.materials import metal, painted, plastic
 from pipeline.world.objects.colliders import ALONG_X, box_collider, convex_collider, sphere_collider
-from pipeline.world.objects.contract import Family, Grasp, NamedFrames, Words, register
+from pipeline.world.objects.contract import Grasp, NamedFrames, register
 from pipeline.world.objects.geometry import at, box, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LONG, Parametric, between, drawn, one_of
 from pipeline.world.shapes import Shape
-
-LENGTH = (0.18, 0.23)
 
 
 @register("microphone")
 @dataclass(frozen=True)
-class Microphone(Family):
-    length: float
-    tail: float  # radius at the tail
-    neck: float  # radius below the head
-    head: float  # radius of the head
-    colour: str
-    head_colour: str
-    ring: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        tail = rng.uniform(0.0125, 0.0145)
-        return cls(
-            rng.uniform(*LENGTH),
-            tail,
-            tail + rng.uniform(0.0015, 0.0035),
-            rng.uniform(0.0215, 0.026),
-            pick(rng, COLOURS),
-            pick(rng, ("silver", "charcoal", "gold", "gray")),
-            pick(rng, ("silver", "red", "blue", "gold", "white")),
-        )
+class Microphone(Parametric):
+    tail: float = between(0.0125, 0.0145)  # radius at the tail
+    length: float = between(0.18, 0.23, size=LONG)
+    neck: float = drawn(lambda rng, mic: mic.tail + rng.uniform(0.0015, 0.0035))  # radius below the head
+    head: float = between(0.0215, 0.026)  # radius of the head
+    colour: str = one_of(COLOURS)
+    head_colour: str = one_of(("silver", "charcoal", "gold", "gray"))
+    ring: str = one_of(("silver", "red", "blue", "gold", "white"))
 
     @property
     def rise(self) -> float:
@@ -115,12 +99,5 @@ class Microphone(Family):
             (*tail, *neck),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "microphone",
-            "microphone",
-            colour=self.colour,
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            head=self.head_colour,
-            ring=self.ring,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"head": self.head_colour}

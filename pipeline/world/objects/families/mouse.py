@@ -1,44 +1,30 @@
 """A computer mouse, its buttons towards +y."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import rubber, wrapped
 from pipeline.world.objects.colliders import ALONG_X, convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape, seen_along
 
-LENGTH = (0.092, 0.115)
 LEVELS = ((0.0, 0.94, 0.95), (0.08, 1.0, 1.0), (0.5, 0.99, 0.985), (0.72, 0.94, 0.92), (0.9, 0.78, 0.74), (1.0, 0.42, 0.42))
 
 
 @register("mouse")
 @dataclass(frozen=True)
-class Mouse(Family):
-    hx: float
-    length: float
-    height: float
-    pinch: float  # how much narrower the waist is, as a share
-    colour: str
-    wheel: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.027, 0.032),
-            rng.uniform(*LENGTH),
-            rng.uniform(0.034, 0.041),
-            rng.uniform(0.0, 0.06),
-            colour,
-            other(rng, ("black", "gray", "white", "red", "cyan", "lime"), colour),
-        )
+class Mouse(Parametric):
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.027, 0.032)
+    length: float = between(0.092, 0.115, size=LARGE)
+    height: float = between(0.034, 0.041)
+    pinch: float = between(0.0, 0.06)  # how much narrower the waist is, as a share
+    wheel: str = one_of(("black", "gray", "white", "red", "cyan", "lime"), other_than="colour")
 
     def outline(self) -> np.ndarray:
         """Outline (20,2): an oval with a waist."""
@@ -65,7 +51,4 @@ class Mouse(Family):
     def frames(self) -> NamedFrames:
         hx = self.hx * (1 - self.pinch)
         grasps = box_pinches(hx, self.length / 2, self.height / 2, heights=(0.014, 0.019), offsets=(-0.12, 0.0, 0.12), axes="x")
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, grasps)
-
-    def words(self) -> Words:
-        return describe("mouse", "mouse", colour=self.colour, size=size_word(self.length, LENGTH), wheel=self.wheel)
+        return standing(self.height, grasps)

@@ -1,45 +1,31 @@
 """A mug with an ear: hollow, the handle towards +x."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_rotate
 from pipeline.world.materials import glaze
 from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import handle_pinches, rim_pinches, side_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.029, 0.034)
 WALL = 0.004
 
 
 @register("mug")
 @dataclass(frozen=True)
-class Mug(Family):
-    radius: float
-    height: float
-    ear: float  # how far the handle stands out
-    ear_radius: float  # half thickness of the handle
-    colour: str
-    inside: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, colour = rng.uniform(*RADIUS), pick(rng, COLOURS)
-        return cls(
-            radius,
-            radius * rng.uniform(2.3, 2.9),
-            rng.uniform(0.030, 0.038),
-            rng.uniform(0.0042, 0.0056),
-            colour,
-            pick(rng, (colour, *PASTELS)),
-        )
+class Mug(Parametric):
+    radius: float = between(0.029, 0.034, size=LARGE)
+    colour: str = one_of(COLOURS)
+    height: float = between(2.3, 2.9, of="radius")
+    ear: float = between(0.03, 0.038)  # how far the handle stands out
+    ear_radius: float = between(0.0042, 0.0056)  # half thickness of the handle
+    inside: str = one_of(PASTELS, also="colour")
 
     def ear_path(self) -> np.ndarray:
         """Axis of the handle (N,3), from its upper to its lower root."""
@@ -71,22 +57,13 @@ class Mug(Family):
         side = side_pinches(r, (0.5 * h, 0.72 * h), outline=[(r, 0.0), (r, h)])
         clear = [g for g in side if abs(quat_rotate(g.pose[3:], (0, 1, 0))[0]) < 0.85 and g.pose[0] < 0.005]
         free = [g for g in rim_pinches(r, WALL, h) if g.pose[0] < 0.8 * r]
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, h),
-                "inside": floor,
-                "centre": floor,
-                "handle_hole": mark(r + 0.45 * (self.ear - 2 * self.ear_radius), 0, 0.52 * h, (0, 1, 0)),
-            },
+        return standing(
+            h,
             (*clear, *free, *handle_pinches((ear_x, 0, 0.52 * h), (0, 0, 1), (1, 0, 0), 2 * self.ear_radius)),
+            inside=floor,
+            centre=floor,
+            handle_hole=mark(r + 0.45 * (self.ear - 2 * self.ear_radius), 0, 0.52 * h, (0, 1, 0)),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "mug",
-            "mug",
-            colour=self.colour,
-            size=size_word(self.radius, RADIUS),
-            inside="" if self.inside == self.colour else self.inside,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"inside": "" if self.inside == self.colour else self.inside}

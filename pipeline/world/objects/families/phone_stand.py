@@ -4,48 +4,32 @@ A phone that comes straight down is between lip and back rest only at the very e
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import metal, plastic, wood
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import WIDE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
-WIDTH = (0.034, 0.045)  # half extent
+TONES = {"plastic": COLOURS, "metal": ("silver", "charcoal", "gold"), "wood": ("oak", "walnut", "beech", "pine")}
 
 
 @register("phone_stand")
 @dataclass(frozen=True)
-class PhoneStand(Family):
-    hx: float
-    depth: float  # half extent of the foot along y
-    back: float  # length of the back rest
-    lean: float  # rad of the back rest above horizontal
-    ledge: float  # depth of the level ledge in front of the back rest, up to the lip
-    material: str
-    colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material = pick(rng, ("plastic", "metal", "wood"))
-        tones = {"plastic": COLOURS, "metal": ("silver", "charcoal", "gold"), "wood": ("oak", "walnut", "beech", "pine")}[material]
-        return cls(
-            rng.uniform(*WIDTH),
-            rng.uniform(0.045, 0.055),
-            rng.uniform(0.075, 0.1),
-            rng.uniform(np.radians(58), np.radians(68)),
-            rng.uniform(0.022, 0.026),
-            material,
-            pick(rng, tones),
-            seed(rng),
-        )
+class PhoneStand(Parametric):
+    material: str = one_of(tuple(TONES))
+    hx: float = between(0.034, 0.045, size=WIDE)  # half extent
+    depth: float = between(0.045, 0.055)  # half extent of the foot along y
+    back: float = between(0.075, 0.1)  # length of the back rest
+    lean: float = between(np.radians(58), np.radians(68))  # rad of the back rest above horizontal
+    ledge: float = between(0.022, 0.026)  # depth of the level ledge in front of the back rest, up to the lip
+    colour: str = one_of(TONES, by="material")
+    seed: int = texture()
 
     def boxes(self) -> list[tuple[tuple[float, float, float], np.ndarray, np.ndarray]]:
         """Half extents, centre and quaternion of foot, back rest, ledge and lip."""
@@ -88,14 +72,4 @@ class PhoneStand(Family):
                 "seat": mark(*self.seat_at(), normal=out),
                 "centre": mark(*(self.seat_at() + up * self.back / 2), normal=out),
             }
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "phone_stand",
-            "phone stand",
-            colour=self.colour,
-            size=size_word(self.hx, WIDTH, ("narrow", "medium-sized", "wide")),
-            material="wooden" if self.material == "wood" else self.material,
-            plain="" if self.material == "wood" else self.material,
         )

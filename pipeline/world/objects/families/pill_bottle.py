@@ -1,49 +1,31 @@
 """A pill bottle with a wide cap."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import plastic, print_texture, printed
 from pipeline.world.objects.colliders import cylinder_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, cylinder, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
-
-HEIGHT = (0.07, 0.1)
 
 
 @register("pill_bottle")
 @dataclass(frozen=True)
-class PillBottle(Family):
-    radius: float
-    height: float
-    cap: float  # height of the cap
-    cap_radius: float
-    colour: str
-    cap_colour: str
-    ink: str
-    brand: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, colour = rng.uniform(0.02, 0.027), pick(rng, ("orange", "white", *COLOURS))
-        return cls(
-            radius,
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.014, 0.02),
-            radius * rng.uniform(0.82, 1.0),
-            colour,
-            other(rng, ("white", *COLOURS), colour),
-            pick(rng, ("red", "blue", "green", "purple", "black", "teal")),
-            pick(rng, BRANDS),
-            seed(rng),
-        )
+class PillBottle(Parametric):
+    radius: float = between(0.02, 0.027)
+    colour: str = one_of(("orange", "white", *COLOURS))
+    height: float = between(0.07, 0.1, size=TALL)
+    cap: float = between(0.014, 0.02)  # height of the cap
+    cap_radius: float = between(0.82, 1.0, of="radius")
+    cap_colour: str = one_of(("white", *COLOURS), other_than="colour")
+    ink: str = one_of(("red", "blue", "green", "purple", "black", "teal"))
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, top = self.radius, self.height - self.cap
@@ -63,17 +45,7 @@ class PillBottle(Family):
     def frames(self) -> NamedFrames:
         r, top = self.radius, self.height - self.cap
         outline = [(r, 0.0), (r, top - 0.006), (self.cap_radius, top), (self.cap_radius, self.height)]
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "middle": mark(0, 0, top / 2)},
-            side_pinches(r, (0.5 * top, top - 0.014), outline=outline),
-        )
+        return standing(self.height, side_pinches(r, (0.5 * top, top - 0.014), outline=outline), middle=mark(0, 0, top / 2))
 
-    def words(self) -> Words:
-        return describe(
-            "pill_bottle",
-            "pill bottle",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            cap=self.cap_colour,
-            ink=self.ink,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"cap": self.cap_colour}

@@ -1,37 +1,29 @@
 """A dinner plate: a flat floor with a raised rim."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import glaze
 from pipeline.world.objects.colliders import disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, PASTELS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.085, 0.12)
 WALL = 0.005
 
 
 @register("plate")
 @dataclass(frozen=True)
-class Plate(Family):
-    radius: float
-    height: float
-    well: float  # radius of the flat floor
-    colour: str
-    rim_colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius = rng.uniform(*RADIUS)
-        colour = pick(rng, PASTELS + COLOURS)
-        return cls(radius, rng.uniform(0.016, 0.024), radius * rng.uniform(0.58, 0.72), colour, pick(rng, (colour, *COLOURS)))
+class Plate(Parametric):
+    radius: float = between(0.085, 0.12, size=LARGE)
+    colour: str = one_of(PASTELS + COLOURS)
+    height: float = between(0.016, 0.024)
+    well: float = between(0.58, 0.72, of="radius")  # radius of the flat floor
+    rim_colour: str = one_of(COLOURS, also="colour")
 
     def shape(self) -> Shape:
         r, h, w = self.radius, self.height, self.well
@@ -60,11 +52,5 @@ class Plate(Family):
         grasps = rim_pinches(self.radius, WALL, self.height, 0.010, pitches=(60, 75, 90), flare=min(flare, 60.0))
         return NamedFrames({"base": mark(0, 0, 0), "centre": mark(0, 0, WALL), "top": mark(0, 0, self.height)}, grasps)
 
-    def words(self) -> Words:
-        return describe(
-            "plate",
-            "plate",
-            colour=self.colour,
-            size=size_word(self.radius, RADIUS),
-            rim="" if self.rim_colour == self.colour else self.rim_colour,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"rim": "" if self.rim_colour == self.colour else self.rim_colour}

@@ -1,44 +1,30 @@
 """A kitchen pot with two loop handles, along x."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import metal, painted, plastic
 from pipeline.world.objects.colliders import arc_of_capsules, disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import revolve, sweep
 from pipeline.world.objects.grasping import rim_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.075, 0.10)
 WALL = 0.004
 
 
 @register("pot")
 @dataclass(frozen=True)
-class Pot(Family):
-    radius: float
-    height: float
-    loop: float  # how far the handles stand out
-    finish: str  # "steel" or "enamel"
-    colour: str
-    handle_colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        radius, finish = rng.uniform(*RADIUS), pick(rng, ("steel", "enamel"))
-        return cls(
-            radius,
-            radius * rng.uniform(0.85, 1.25),
-            rng.uniform(0.028, 0.036),
-            finish,
-            pick(rng, ("silver", "charcoal") if finish == "steel" else COLOURS),
-            pick(rng, ("black", "silver", "brown", "red")),
-        )
+class Pot(Parametric):
+    radius: float = between(0.075, 0.10, size=LARGE)
+    material: str = one_of(("steel", "enamel"))
+    height: float = between(0.85, 1.25, of="radius")
+    loop: float = between(0.028, 0.036)  # how far the handles stand out
+    colour: str = one_of({"steel": ("silver", "charcoal"), "enamel": COLOURS}, by="material")
+    handle_colour: str = one_of(("black", "silver", "brown", "red"))
 
     def loop_path(self, side: int) -> np.ndarray:
         """Axis (N,3) of the handle at +x (`side` 1) or -x (-1)."""
@@ -49,7 +35,7 @@ class Pot(Family):
 
     def shape(self) -> Shape:
         r, h = self.radius, self.height
-        skin = metal(self.colour) if self.finish == "steel" else painted(self.colour)
+        skin = metal(self.colour) if self.material == "steel" else painted(self.colour)
         bolt = plastic(self.handle_colour) if self.handle_colour != "silver" else metal()
         outside = revolve(
             [(0, 0), (r - 0.006, 0), (r, 0.006), (r, h - 0.003), (r + 0.0025, h - 0.002), (r + 0.0025, h), (r - WALL, h)], 28
@@ -73,12 +59,12 @@ class Pot(Family):
 
     def frames(self) -> NamedFrames:
         floor = mark(0, 0, WALL)
-        points = {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "inside": floor, "centre": floor}
-        return NamedFrames(
-            points, tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius)
+        return standing(
+            self.height,
+            tuple(g for g in rim_pinches(self.radius, WALL, self.height) if abs(g.pose[1]) > 0.6 * self.radius),
+            inside=floor,
+            centre=floor,
         )
 
-    def words(self) -> Words:
-        return describe(
-            "pot", "pot", colour=self.colour, size=size_word(self.radius, RADIUS), material=self.finish, handles=self.handle_colour
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"handles": self.handle_colour}

@@ -1,50 +1,32 @@
 """A payment sign facing -y: a foot and an upright board with a printed code."""
 
 from dataclasses import dataclass
-from typing import Self
-
-import numpy as np
 
 from pipeline.world.materials import plastic, print_texture, printed, wood
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
-
-HEIGHT = (0.115, 0.155)
 
 
 @register("qr_sign")
 @dataclass(frozen=True)
-class QrSign(Family):
-    hx: float
-    height: float
-    board: float  # half thickness of the board
-    foot: float  # half depth of the foot
-    foot_height: float
-    foot_material: str
-    colour: str
-    foot_colour: str
-    seed: int
+class QrSign(Parametric):
+    noun = "QR code sign"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material, colour = pick(rng, ("wood", "plastic")), pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.042, 0.056),
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.004, 0.007),
-            rng.uniform(0.026, 0.034),
-            rng.uniform(0.012, 0.02),
-            material,
-            colour,
-            other(rng, ("oak", "walnut", "beech") if material == "wood" else COLOURS, colour),
-            seed(rng),
-        )
+    foot_material: str = one_of(("wood", "plastic"))
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.042, 0.056)
+    height: float = between(0.115, 0.155, size=TALL)
+    board: float = between(0.004, 0.007)  # half thickness of the board
+    foot: float = between(0.026, 0.034)  # half depth of the foot
+    foot_height: float = between(0.012, 0.02)
+    foot_colour: str = one_of({"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, other_than="colour", by="foot_material")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hz, f = self.hx, (self.height - self.foot_height) / 2, self.foot_height
@@ -78,16 +60,7 @@ class QrSign(Family):
             axes="y",
             offsets=(-0.5, -0.25, 0.0, 0.25, 0.5),
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "code": mark(0, -self.board, f + hz, (0, -1, 0))}, tuple(grasps)
-        )
+        return standing(self.height, grasps, code=mark(0, -self.board, f + hz, (0, -1, 0)))
 
-    def words(self) -> Words:
-        return describe(
-            "qr_sign",
-            "QR code sign",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            foot=self.foot_colour,
-            material="wooden" if self.foot_material == "wood" else "plastic",
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"foot": self.foot_colour, "material": "wooden" if self.foot_material == "wood" else "plastic"}

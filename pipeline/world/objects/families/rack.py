@@ -1,49 +1,34 @@
 """A mug rack: a post on a foot with a peg that rises towards -y, the robot."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import WOODS, metal, painted, wood
 from pipeline.world.objects.colliders import arc_of_capsules, cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, sphere, sweep
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
-HEIGHT = (0.22, 0.28)
+TONES = {"wood": tuple(WOODS), "metal": ("silver", "charcoal", "gold"), "painted": COLOURS}
 
 
 @register("rack")
 @dataclass(frozen=True)
-class Rack(Family):
-    height: float
-    foot: float  # radius of the foot
-    post: float  # radius of the post
-    peg: float  # length of the peg
-    peg_radius: float
-    rise: float  # degrees of the peg above horizontal
-    material: str  # "wood", "metal" or "painted"
-    colour: str
-    seed: int
+class Rack(Parametric):
+    noun = "mug rack"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material = pick(rng, ("wood", "metal", "painted"))
-        tones = {"wood": tuple(WOODS), "metal": ("silver", "charcoal", "gold"), "painted": COLOURS}[material]
-        return cls(
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.065, 0.085),
-            rng.uniform(0.009, 0.013),
-            rng.uniform(0.075, 0.095),
-            rng.uniform(0.0045, 0.006),
-            rng.uniform(18, 32),
-            material,
-            pick(rng, tones),
-            seed(rng),
-        )
+    material: str = one_of(tuple(TONES))
+    height: float = between(0.22, 0.28, size=TALL)
+    foot: float = between(0.065, 0.085)  # radius of the foot
+    post: float = between(0.009, 0.013)  # radius of the post
+    peg: float = between(0.075, 0.095)  # length of the peg
+    peg_radius: float = between(0.0045, 0.006)
+    rise: float = between(18, 32)  # degrees of the peg above horizontal
+    colour: str = one_of(TONES, by="material")
+    seed: int = texture()
 
     def peg_path(self) -> np.ndarray:
         """Root and tip (2,3) of the peg's axis."""
@@ -84,21 +69,4 @@ class Rack(Family):
     def frames(self) -> NamedFrames:
         root, tip = self.peg_path()
         out = tip - root
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, self.height),
-                "peg": mark(*tip, normal=out),
-                "peg_middle": mark(*((root + tip) / 2), normal=out),
-            }
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "rack",
-            "mug rack",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            material="wooden" if self.material == "wood" else self.material,
-            plain="" if self.material == "wood" else self.material,
-        )
+        return standing(self.height, peg=mark(*tip, normal=out), peg_middle=mark(*((root + tip) / 2), normal=out))

@@ -1,47 +1,30 @@
 """A remote control lying on its back, its top towards +y."""
 
 from dataclasses import dataclass
-from typing import Self
-
-import numpy as np
 
 from pipeline.world.materials import plastic, print_texture, printed
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import decal, extrude, rounded_rectangle
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, standing
+from pipeline.world.objects.parameters import LONG, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
-
-LENGTH = (0.13, 0.185)
 
 
 @register("remote")
 @dataclass(frozen=True)
-class Remote(Family):
-    hx: float
-    length: float
-    thickness: float
-    corner: float
-    keypad: float  # share of the length covered by keys
-    colour: str
-    keys: str
-    seed: int
+class Remote(Parametric):
+    noun = "remote control"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        hx, colour = rng.uniform(0.019, 0.026), pick(rng, COLOURS)
-        return cls(
-            hx,
-            rng.uniform(*LENGTH),
-            rng.uniform(0.018, 0.025),
-            hx * rng.uniform(0.3, 0.95),
-            rng.uniform(0.6, 0.85),
-            colour,
-            other(rng, ("white", "black", "gray", "cyan", "yellow", "beige"), colour),
-            seed(rng),
-        )
+    hx: float = between(0.019, 0.026)
+    colour: str = one_of(COLOURS)
+    length: float = between(0.13, 0.185, size=LONG)
+    thickness: float = between(0.018, 0.025)
+    corner: float = between(0.3, 0.95, of="hx")
+    keypad: float = between(0.6, 0.85)  # share of the length covered by keys
+    keys: str = one_of(("white", "black", "gray", "cyan", "yellow", "beige"), other_than="colour")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         hx, hy, t = self.hx, self.length / 2, self.thickness
@@ -58,16 +41,6 @@ class Remote(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.thickness)},
-            box_pinches(self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x"),
-        )
-
-    def words(self) -> Words:
-        return describe(
-            "remote",
-            "remote control",
-            colour=self.colour,
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            keys=self.keys,
+        return standing(
+            self.thickness, box_pinches(self.hx, self.length / 2, self.thickness / 2, offsets=(-0.3, 0.0, 0.3), axes="x")
         )

@@ -1,45 +1,31 @@
 """A rolling pin lying along x: a thick body and a thinner handle at each end."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import WOODS, plastic, wood
 from pipeline.world.objects.colliders import ALONG_X, box_collider, cylinder_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, revolve
 from pipeline.world.objects.grasping import bar_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LONG, Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Shape
-
-LENGTH = (0.30, 0.38)
 
 
 @register("roller")
 @dataclass(frozen=True)
-class Roller(Family):
-    length: float
-    body: float  # length of the thick part
-    radius: float
-    handle: float  # radius of the handles
-    wood: str
-    handle_colour: str  # "" for handles of the same wood
-    seed: int
+class Roller(Parametric):
+    noun = "rolling pin"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        length, radius = rng.uniform(*LENGTH), rng.uniform(0.021, 0.029)
-        return cls(
-            length,
-            length - 2 * rng.uniform(0.062, 0.078),
-            radius,
-            radius * rng.uniform(0.48, 0.6),
-            pick(rng, tuple(WOODS)),
-            pick(rng, ("", *COLOURS)),
-            seed(rng),
-        )
+    length: float = between(0.30, 0.38, size=LONG)
+    radius: float = between(0.021, 0.029)
+    body: float = drawn(lambda rng, pin: pin.length - 2 * rng.uniform(0.062, 0.078))  # length of the thick part
+    handle: float = between(0.48, 0.6, of="radius")  # radius of the handles
+    wood: str = one_of(tuple(WOODS))
+    handle_colour: str = one_of(("", *COLOURS))  # "" for handles of the same wood
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, h, half, end = self.radius, self.handle, self.body / 2, self.length / 2
@@ -74,21 +60,12 @@ class Roller(Family):
             kind: bar_pinches([sign * x for x in places], self.handle, self.radius, rolls=(-20, 0, 20), kind=kind)
             for kind, sign in (("left_end", -1), ("right_end", 1))
         }
-        return NamedFrames(
-            {
-                "base": mark(0, 0, 0),
-                "top": mark(0, 0, 2 * self.radius),
-                "left_end": mark(-end, 0, self.radius, (-1, 0, 0), (0, 0, 1)),
-                "right_end": mark(end, 0, self.radius, (1, 0, 0), (0, 0, 1)),
-            },
+        return standing(
+            2 * self.radius,
             (*grips["left_end"], *grips["right_end"]),
+            left_end=mark(-end, 0, self.radius, (-1, 0, 0), (0, 0, 1)),
+            right_end=mark(end, 0, self.radius, (1, 0, 0), (0, 0, 1)),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "roller",
-            "rolling pin",
-            colour=self.wood,
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            handles=self.handle_colour or self.wood,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"colour": self.wood, "handles": self.handle_colour or self.wood}

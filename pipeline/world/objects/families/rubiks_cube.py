@@ -1,40 +1,34 @@
 """A puzzle cube, scrambled: nine stickers on each of six sides."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import plastic
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.families.boxes import upright
 from pipeline.world.objects.geometry import at, box, decal
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import mark, pick, seed, size_word
+from pipeline.world.objects.kit import standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.surface import join
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
 
-SIDE = (0.050, 0.058)
 STICKERS = ("white", "yellow", "red", "orange", "blue", "green")
 
 
 @register("rubiks_cube")
 @dataclass(frozen=True)
-class RubiksCube(Family):
-    side: float
-    sticker: float  # share of a cell that its sticker covers
-    colour: str  # of the body
-    scramble: float  # share of stickers that are not of their side's colour
-    seed: int
+class RubiksCube(Parametric):
+    noun = "puzzle cube"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(
-            rng.uniform(*SIDE), rng.uniform(0.8, 0.92), pick(rng, ("black", "charcoal", "gray")), rng.uniform(0, 1), seed(rng)
-        )
+    side: float = between(0.050, 0.058, size=LARGE)
+    sticker: float = between(0.8, 0.92)  # share of a cell that its sticker covers
+    colour: str = one_of(("black", "charcoal", "gray"))  # of the body
+    scramble: float = between(0, 1)  # share of stickers that are not of their side's colour
+    seed: int = texture()
 
     def shape(self) -> Shape:
         h, cell = self.side / 2, self.side / 3
@@ -57,15 +51,9 @@ class RubiksCube(Family):
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.side)}, box_pinches(h, h, h, heights=(h,), offsets=(0.0,))
-        )
+        return standing(self.side, box_pinches(h, h, h, heights=(h,), offsets=(0.0,)))
 
-    def words(self) -> Words:
-        return describe(
-            "rubiks_cube",
-            "puzzle cube",
-            colour=self.colour,
-            size=size_word(self.side, SIDE),
-            order="scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved",
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "order": "scrambled" if self.scramble > 0.4 else "nearly solved" if self.scramble > 0.08 else "solved"
+        }

@@ -1,46 +1,31 @@
 """A short food can with a paper label."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import metal, print_texture, printed
 from pipeline.world.objects.colliders import disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import band, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
 
-HEIGHT = (0.07, 0.10)
 CONTENTS = ("TOMATO", "BEANS", "SOUP", "CORN", "PEAS", "CURRY", "PESTO", "CHILI")
 
 
 @register("sauce_can")
 @dataclass(frozen=True)
-class SauceCan(Family):
-    radius: float
-    height: float
-    label: float  # share of the height that the label covers
-    colour: str
-    ink: str
-    content: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(0.027, 0.033),
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.72, 0.9),
-            colour,
-            other(rng, COLOURS, colour),
-            pick(rng, CONTENTS),
-            seed(rng),
-        )
+class SauceCan(Parametric):
+    colour: str = one_of(COLOURS)
+    radius: float = between(0.027, 0.033)
+    height: float = between(0.07, 0.10, size=TALL)
+    label: float = between(0.72, 0.9)  # share of the height that the label covers
+    ink: str = one_of(COLOURS, other_than="colour")
+    content: str = one_of(CONTENTS)
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, h, edge = self.radius, self.height, 0.5 * (1 - self.label) * self.height
@@ -57,17 +42,7 @@ class SauceCan(Family):
 
     def frames(self) -> NamedFrames:
         r, h = self.radius, self.height
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, h), "middle": mark(0, 0, h / 2)},
-            side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]),
-        )
+        return standing(h, side_pinches(r, (0.5 * h, h - 0.022), outline=[(r, 0.0), (r, h)]), middle=mark(0, 0, h / 2))
 
-    def words(self) -> Words:
-        return describe(
-            "sauce_can",
-            "sauce can",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT, ("short", "medium-sized", "tall")),
-            ink=self.ink,
-            content="tomatoes" if self.content == "TOMATO" else self.content.lower(),
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"content": "tomatoes" if self.content == "TOMATO" else self.content.lower()}

@@ -1,48 +1,30 @@
 """An electronic kitchen scale with a display towards -y."""
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import glaze, metal, plastic, print_texture, printed
 from pipeline.world.objects.colliders import Colliders, box_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, cylinder, decal, extrude, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of, texture
 from pipeline.world.shapes import Shape
-
-WIDTH = (0.07, 0.09)
 
 
 @register("scale")
 @dataclass(frozen=True)
-class Scale(Family):
-    hx: float
-    hy: float
-    body: float  # height of the body
-    plate: float  # share of the width that the platter covers
-    form: str
-    colour: str
-    platter: str
-    digits: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        hx = rng.uniform(*WIDTH)
-        return cls(
-            hx,
-            hx + rng.uniform(0.012, 0.026),
-            rng.uniform(0.018, 0.028),
-            rng.uniform(0.82, 0.94),
-            pick(rng, ("round", "square")),
-            pick(rng, COLOURS),
-            pick(rng, ("silver", "white", "charcoal", "gold")),
-            f"{int(rng.integers(0, 1000)):03d}g",
-            seed(rng),
-        )
+class Scale(Parametric):
+    hx: float = between(0.07, 0.09, size=LARGE)
+    hy: float = drawn(lambda rng, scale: scale.hx + rng.uniform(0.012, 0.026))
+    body: float = between(0.018, 0.028)  # height of the body
+    plate: float = between(0.82, 0.94)  # share of the width that the platter covers
+    form: str = one_of(("round", "square"))
+    colour: str = one_of(COLOURS)
+    platter: str = one_of(("silver", "white", "charcoal", "gold"))
+    digits: str = drawn(lambda rng, so_far: f"{int(rng.integers(0, 1000)):03d}g")
+    seed: int = texture()
 
     def shape(self) -> Shape:
         r, y, z, t = self.plate * self.hx, self.hy - self.hx, self.body, 0.006
@@ -66,17 +48,10 @@ class Scale(Family):
 
     def frames(self) -> NamedFrames:
         z = self.body + 0.006
-        return NamedFrames({"base": mark(0, 0, 0), "top": mark(0, 0, z), "centre": mark(0, self.hy - self.hx, z)})
+        return standing(z, centre=mark(0, self.hy - self.hx, z))
 
-    def words(self) -> Words:
-        return describe(
-            "scale",
-            "scale",
-            colour=self.colour,
-            size=size_word(self.hx, WIDTH),
-            form=self.form,
-            platter="" if self.platter == self.colour else self.platter,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"platter": "" if self.platter == self.colour else self.platter}
 
 
 def _shifted(pieces: Colliders, y: float) -> Colliders:

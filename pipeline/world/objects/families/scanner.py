@@ -1,49 +1,33 @@
 """A handheld bar code scanner standing on its foot, its window towards -y."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import glaze, plastic, print_texture, printed, rubber
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, side_prism
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-HEIGHT = (0.125, 0.155)
 LABEL = print_texture("white", "charcoal", "product", "SCAN")
 
 
 @register("scanner")
 @dataclass(frozen=True)
-class Scanner(Family):
-    height: float
-    grip: float  # radius of the handle
-    foot: float
-    head: float  # length of the head
-    half: float  # half width of the head
-    deep: float  # height of the head
-    colour: str
-    trim: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.014, 0.0175),
-            rng.uniform(0.036, 0.043),
-            rng.uniform(0.066, 0.082),
-            rng.uniform(0.022, 0.028),
-            rng.uniform(0.03, 0.038),
-            colour,
-            other(rng, COLOURS, colour),
-        )
+class Scanner(Parametric):
+    colour: str = one_of(COLOURS)
+    height: float = between(0.125, 0.155, size=LARGE)
+    grip: float = between(0.014, 0.0175)  # radius of the handle
+    foot: float = between(0.036, 0.043)
+    head: float = between(0.066, 0.082)  # length of the head
+    half: float = between(0.022, 0.028)  # half width of the head
+    deep: float = between(0.03, 0.038)  # height of the head
+    trim: str = one_of(COLOURS, other_than="colour")
 
     @property
     def window(self) -> tuple[float, float, float]:
@@ -96,9 +80,7 @@ class Scanner(Family):
         grasps = side_pinches(
             0.98 * self.grip, (0.4 * neck, 0.55 * neck), pitches=(-15, 0, 15, 30, 45), outline=limit, kind="handle"
         )
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height), "window": mark(*self.window, normal=(0, -1, 0))}, tuple(grasps)
-        )
+        return standing(self.height, grasps, window=mark(*self.window, normal=(0, -1, 0)))
 
-    def words(self) -> Words:
-        return describe("scanner", "scanner", colour=self.colour, size=size_word(self.height, HEIGHT), foot=self.trim)
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"foot": self.trim}

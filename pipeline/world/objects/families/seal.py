@@ -1,51 +1,35 @@
 """A stamp standing on its face: a block with a turned handle."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import metal, plastic, print_texture, printed, rubber, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, band, box, cylinder, decal, revolve
 from pipeline.world.objects.grasping import side_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.surface import join
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape
-
-HEIGHT = (0.085, 0.11)
 
 
 @register("seal")
 @dataclass(frozen=True)
-class Seal(Family):
-    half: float  # of the block
-    block: float  # height of the block
-    height: float
-    grip: float  # radius of the handle
-    form: str
-    material: str
-    colour: str
-    ink: str
-    seed: int
+class Seal(Parametric):
+    noun = "stamp"
 
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material = pick(rng, ("wood", "plastic"))
-        return cls(
-            rng.uniform(0.022, 0.03),
-            rng.uniform(0.016, 0.024),
-            rng.uniform(*HEIGHT),
-            rng.uniform(0.012, 0.017),
-            pick(rng, ("round", "square")),
-            material,
-            pick(rng, ("oak", "walnut", "beech", "mahogany", "pine") if material == "wood" else COLOURS),
-            pick(rng, ("red", "blue", "black", "green", "purple")),
-            seed(rng),
-        )
+    material: str = one_of(("wood", "plastic"))
+    half: float = between(0.022, 0.03)  # of the block
+    block: float = between(0.016, 0.024)  # height of the block
+    height: float = between(0.085, 0.11, size=LARGE)
+    grip: float = between(0.012, 0.017)  # radius of the handle
+    form: str = one_of(("round", "square"))
+    colour: str = one_of({"wood": ("oak", "walnut", "beech", "mahogany", "pine"), "plastic": COLOURS}, by="material")
+    ink: str = one_of(("red", "blue", "black", "green", "purple"))
+    seed: int = texture()
 
     def shape(self) -> Shape:
         a, b, h, g = self.half, self.block, self.height, self.grip
@@ -84,14 +68,5 @@ class Seal(Family):
             side_pinches(g, (b + 0.55 * (h - b), h - 0.9 * g), outline=outline, kind="handle"),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "seal",
-            "stamp",
-            colour=self.colour,
-            size=size_word(self.height, HEIGHT),
-            material="wooden" if self.material == "wood" else "plastic",
-            plain="" if self.material == "wood" else "plastic",
-            form=self.form,
-            face=self.ink,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"face": self.ink}

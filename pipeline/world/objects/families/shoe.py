@@ -1,22 +1,20 @@
 """A low shoe, its toe towards +x: lofted upper on a sole, with collar, tongue, laces and a stripe."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import fabric, plastic, rubber, wrapped
 from pipeline.world.objects.colliders import convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, revolve, scaled, sphere
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of, texture
 from pipeline.world.objects.surface import finish
-from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Mesh, Shape
 
-LENGTH = (0.19, 0.24)
 # Along the shoe from heel (0) to toe (1): half width as a share of the ball's, height of the ridge as a share of the collar's.
 STATIONS = np.array([0.0, 0.04, 0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 0.95, 1.0])
 WIDTHS = np.array([0.42, 0.62, 0.74, 0.77, 0.78, 0.85, 0.95, 1.0, 0.88, 0.62, 0.3])
@@ -28,31 +26,16 @@ COLLAR = ((1.0, 0.0), (1.04, 0.45), (0.97, 0.95), (0.87, 0.95), (0.80, 0.4))
 
 @register("shoe")
 @dataclass(frozen=True)
-class Shoe(Family):
-    length: float
-    half: float  # half width at the ball
-    sole: float  # thickness of the sole
-    height: float  # of the collar
-    laces: int
-    colour: str
-    sole_colour: str
-    stripe: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        length, colour = rng.uniform(*LENGTH), pick(rng, COLOURS)
-        return cls(
-            length,
-            rng.uniform(0.036, 0.041),
-            rng.uniform(0.016, 0.026),
-            rng.uniform(0.075, 0.092),
-            int(rng.integers(3, 6)),
-            colour,
-            pick(rng, ("white", "black", "beige", "gray", "brown")),
-            other(rng, COLOURS, colour),
-            seed(rng),
-        )
+class Shoe(Parametric):
+    length: float = between(0.19, 0.24, size=LARGE)
+    colour: str = one_of(COLOURS)
+    half: float = between(0.036, 0.041)  # half width at the ball
+    sole: float = between(0.016, 0.026)  # thickness of the sole
+    height: float = between(0.075, 0.092)  # of the collar
+    laces: int = drawn(lambda rng, so_far: int(rng.integers(3, 6)))
+    sole_colour: str = one_of(("white", "black", "beige", "gray", "brown"))
+    stripe: str = one_of(COLOURS, other_than="colour")
+    seed: int = texture()
 
     def x(self, share: np.ndarray | float) -> np.ndarray:
         """x (m) of a share of the length, from the heel; the origin is under the middle."""
@@ -163,10 +146,8 @@ class Shoe(Family):
             tuple(grasps),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "shoe", "shoe", colour=self.colour, size=size_word(self.length, LENGTH), sole=self.sole_colour, stripes=self.stripe
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"sole": self.sole_colour, "stripes": self.stripe}
 
 
 def _with_floor(rings: np.ndarray) -> np.ndarray:

@@ -1,21 +1,19 @@
 """A frying pan; its handle points towards -y, the robot."""
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import metal, painted, plastic, wood, wrapped
 from pipeline.world.objects.colliders import box_collider, disc, ring_of_boxes
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, revolve
 from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import COLOURS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
-RADIUS = (0.07, 0.09)
 WALL = 0.004
 LEAN = 0.2  # rad the handle rises
 HALF_DEEP = 0.013  # m, half the height of the handle: fingers hold a deep one level
@@ -31,27 +29,14 @@ GRIPS = (
 
 @register("skillet")
 @dataclass(frozen=True)
-class Skillet(Family):
-    radius: float
-    height: float
-    handle: float  # length
-    grip: float  # half width of the handle
-    colour: str
-    handle_material: str
-    handle_colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        material = pick(rng, ("wood", "plastic"))
-        return cls(
-            rng.uniform(*RADIUS),
-            rng.uniform(0.026, 0.036),
-            rng.uniform(0.12, 0.15),
-            rng.uniform(0.009, 0.013),
-            pick(rng, ("black", "charcoal", "gray", "silver", "red", "blue", "dark green", "teal", "orange", "maroon")),
-            material,
-            pick(rng, ("oak", "walnut", "beech") if material == "wood" else COLOURS),
-        )
+class Skillet(Parametric):
+    handle_material: str = one_of(("wood", "plastic"))
+    radius: float = between(0.07, 0.09, size=LARGE)
+    height: float = between(0.026, 0.036)
+    handle: float = between(0.12, 0.15)  # length
+    grip: float = between(0.009, 0.013)  # half width of the handle
+    colour: str = one_of(("black", "charcoal", "gray", "silver", "red", "blue", "dark green", "teal", "orange", "maroon"))
+    handle_colour: str = one_of({"wood": ("oak", "walnut", "beech"), "plastic": COLOURS}, by="handle_material")
 
     def along(self, share: float) -> np.ndarray:
         """A point (3,) of the handle's axis, 0 at the pan and 1 at its end."""
@@ -106,5 +91,5 @@ class Skillet(Family):
             tuple(grips),
         )
 
-    def words(self) -> Words:
-        return describe("skillet", "skillet", colour=self.colour, size=size_word(self.radius, RADIUS), handle=self.handle_colour)
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"handle": self.handle_colour}

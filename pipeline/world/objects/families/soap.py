@@ -1,20 +1,18 @@
 """A bar of soap."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import print_texture, printed, srgb
 from pipeline.world.objects.colliders import convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import decal, rounded_rectangle, stack, stacked
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, PASTELS, mark, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, PASTELS, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Material, Shape
 
-LENGTH = (0.072, 0.095)
 ROUND = (
     (0.0, 0.86, 0.82), (0.06, 0.93, 0.91), (0.16, 0.985, 0.98), (0.30, 1.0, 1.0), (0.64, 1.0, 1.0),
     (0.80, 0.98, 0.97), (0.91, 0.94, 0.91), (0.975, 0.88, 0.84), (1.0, 0.82, 0.78),
@@ -24,24 +22,13 @@ LEVELS = ((0.0, 0.9, 0.86), (0.22, 1.0, 1.0), (0.72, 1.0, 1.0), (0.93, 0.93, 0.9
 
 @register("soap")
 @dataclass(frozen=True)
-class Soap(Family):
-    length: float
-    half: float
-    height: float
-    corner: float  # roundness of the outline, as a share of the half width
-    stamp: float  # share of the top that is embossed
-    colour: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.024, 0.031),
-            rng.uniform(0.026, 0.034),
-            rng.uniform(0.3, 1.0),
-            rng.uniform(0.4, 0.65),
-            pick(rng, PASTELS + COLOURS),
-        )
+class Soap(Parametric):
+    length: float = between(0.072, 0.095, size=LARGE)
+    half: float = between(0.024, 0.031)
+    height: float = between(0.026, 0.034)
+    corner: float = between(0.3, 1.0)  # roundness of the outline, as a share of the half width
+    stamp: float = between(0.4, 0.65)  # share of the top that is embossed
+    colour: str = one_of(PASTELS + COLOURS)
 
     def shape(self) -> Shape:
         outline = rounded_rectangle(self.length / 2, self.half, self.corner * self.half, 4)
@@ -61,10 +48,4 @@ class Soap(Family):
         )
 
     def frames(self) -> NamedFrames:
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)},
-            box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)),
-        )
-
-    def words(self) -> Words:
-        return describe("soap", "soap", colour=self.colour, size=size_word(self.length, LENGTH))
+        return standing(self.height, box_pinches(self.length / 2, self.half, self.height / 2, axes="y", offsets=(-0.2, 0.0, 0.2)))

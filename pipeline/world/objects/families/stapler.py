@@ -1,46 +1,30 @@
 """A stapler, its mouth towards +x."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_from_rpy
 from pipeline.world.materials import metal, plastic, print_texture, printed, rubber
 from pipeline.world.objects.colliders import box_collider, convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, decal, side_prism
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import BRANDS, COLOURS, mark, other, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark
+from pipeline.world.objects.parameters import LONG, Parametric, between, one_of
 from pipeline.world.shapes import Shape
-
-LENGTH = (0.12, 0.155)
 
 
 @register("stapler")
 @dataclass(frozen=True)
-class Stapler(Family):
-    length: float
-    half: float
-    height: float
-    gape: float  # height of the mouth
-    nose: float  # height of the upper arm at the mouth, as a share
-    colour: str
-    trim: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.016, 0.021),
-            rng.uniform(0.05, 0.062),
-            rng.uniform(0.009, 0.015),
-            rng.uniform(0.6, 0.85),
-            colour,
-            other(rng, ("black", "silver", "gray", "white", "red", "navy"), colour),
-        )
+class Stapler(Parametric):
+    colour: str = one_of(COLOURS)
+    length: float = between(0.12, 0.155, size=LONG)
+    half: float = between(0.016, 0.021)
+    height: float = between(0.05, 0.062)
+    gape: float = between(0.009, 0.015)  # height of the mouth
+    nose: float = between(0.6, 0.85)  # height of the upper arm at the mouth, as a share
+    trim: str = one_of(("black", "silver", "gray", "white", "red", "navy"), other_than="colour")
 
     def arm(self) -> np.ndarray:
         """Outline (K,2) of the upper arm in x and z, counter-clockwise seen from -y."""
@@ -105,11 +89,5 @@ class Stapler(Family):
         grasps = box_pinches(a, 0.92 * self.half, h / 2, heights=(0.55 * h,), offsets=(-0.35, -0.1, 0.15), axes="y")
         return NamedFrames({"base": mark(0, 0, 0), "top": mark(-0.45 * a, 0, h), "press": press}, tuple(grasps))
 
-    def words(self) -> Words:
-        return describe(
-            "stapler",
-            "stapler",
-            colour=self.colour,
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            base=self.trim,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"base": self.trim}

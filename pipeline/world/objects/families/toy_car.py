@@ -1,22 +1,20 @@
 """A toy car, its nose towards +x."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import glaze, metal, plastic, rubber
 from pipeline.world.objects.colliders import box_collider, convex_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, other, pick
+from pipeline.world.objects.parameters import LONG, Parametric, between, drawn, one_of
 from pipeline.world.shapes import Shape
 
 LYING = quat_about((1, 0, 0), np.pi / 2)  # of what turns about y
-LENGTH = (0.095, 0.125)
 FORMS = {  # outline of the cabin as shares of the length (from the rear) and of the cabin's height
     "sedan": [(0.12, 0.0), (0.78, 0.0), (0.62, 1.0), (0.28, 1.0)],
     "van": [(0.02, 0.0), (0.86, 0.0), (0.72, 1.0), (0.03, 1.0)],
@@ -27,27 +25,14 @@ FORMS = {  # outline of the cabin as shares of the length (from the rear) and of
 
 @register("toy_car")
 @dataclass(frozen=True)
-class ToyCar(Family):
-    length: float
-    half: float
-    height: float
-    wheel: float  # radius
-    form: str
-    colour: str
-    roof: str
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        colour = pick(rng, COLOURS)
-        return cls(
-            rng.uniform(*LENGTH),
-            rng.uniform(0.023, 0.029),
-            rng.uniform(0.042, 0.054),
-            rng.uniform(0.0105, 0.013),
-            pick(rng, tuple(FORMS)),
-            colour,
-            pick(rng, (colour, other(rng, COLOURS, colour))),
-        )
+class ToyCar(Parametric):
+    colour: str = one_of(COLOURS)
+    length: float = between(0.095, 0.125, size=LONG)
+    half: float = between(0.023, 0.029)
+    height: float = between(0.042, 0.054)
+    wheel: float = between(0.0105, 0.013)  # radius
+    form: str = one_of(tuple(FORMS))
+    roof: str = drawn(lambda rng, car: pick(rng, (car.colour, other(rng, COLOURS, car.colour))))
 
     def x(self, share: float) -> float:
         """x (m) of a share of the length from the rear."""
@@ -133,12 +118,5 @@ class ToyCar(Family):
             tuple(grasps),
         )
 
-    def words(self) -> Words:
-        return describe(
-            "toy_car",
-            "toy car",
-            colour=self.colour,
-            size=size_word(self.length, LENGTH, ("short", "medium-sized", "long")),
-            form=self.form,
-            roof="" if self.roof == self.colour else self.roof,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"roof": "" if self.roof == self.colour else self.roof}

@@ -1,42 +1,28 @@
 """A plain wooden block in one of three forms: brick, cylinder, half-round arch block."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from pipeline.world.materials import WOODS, wood
 from pipeline.world.objects.colliders import box_collider, convex_collider, disc
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, side_prism
 from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Shape
-
-LENGTH = (0.06, 0.1)
 
 
 @register("wooden_block")
 @dataclass(frozen=True)
-class WoodenBlock(Family):
-    form: str  # "brick", "cylinder" or "wedge"
-    length: float  # along x; the height of a cylinder
-    half: float  # half width, or radius
-    height: float
-    colour: str
-    seed: int
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
-        return cls(
-            pick(rng, ("brick", "cylinder", "wedge")),
-            rng.uniform(*LENGTH),
-            rng.uniform(0.02, 0.031),
-            rng.uniform(0.036, 0.055),
-            pick(rng, tuple(WOODS)),
-            seed(rng),
-        )
+class WoodenBlock(Parametric):
+    form: str = one_of(("brick", "cylinder", "wedge"))
+    length: float = between(0.06, 0.1, size=LARGE)  # along x; the height of a cylinder
+    half: float = between(0.02, 0.031)  # half width, or radius
+    height: float = between(0.036, 0.055)
+    colour: str = one_of(tuple(WOODS))
+    seed: int = texture()
 
     def wedge(self) -> np.ndarray:
         """Outline (4,2) of the wedge in x and z."""
@@ -58,20 +44,9 @@ class WoodenBlock(Family):
     def frames(self) -> NamedFrames:
         a, b = self.length / 2, self.half
         if self.form == "cylinder":
-            return NamedFrames(
-                {"base": mark(0, 0, 0), "top": mark(0, 0, self.length)},
-                side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]),
-            )
+            return standing(self.length, side_pinches(b, (0.55 * self.length,), outline=[(b, 0.0), (b, self.length)]))
         spread = (-0.2, 0.0, 0.2) if self.form == "brick" else (0.0,)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": mark(0, 0, self.height)}, box_pinches(a, b, self.height / 2, offsets=spread, axes="y")
-        )
+        return standing(self.height, box_pinches(a, b, self.height / 2, offsets=spread, axes="y"))
 
-    def words(self) -> Words:
-        return describe(
-            "wooden_block",
-            "wooden block",
-            colour=self.colour,
-            size=size_word(self.length, LENGTH),
-            form="trapezoid" if self.form == "wedge" else self.form,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"form": "trapezoid" if self.form == "wedge" else self.form}
