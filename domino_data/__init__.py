@@ -18,12 +18,18 @@ from domino_data_command import find_foreign
 
 if TYPE_CHECKING:
     from domino_data.api import build, evaluate, export, make_env, open_dataset, plan, verify
-    from pipeline.data import DominoError, Recipe, Setup, open_episode
+    from pipeline.data.episode.file import open_episode
+    from pipeline.data.errors import DominoError
+    from pipeline.data.recipe.model import Recipe
+    from pipeline.data.setup import Setup
     from pipeline.evaluate.policy import BatchPolicy, Observation, Policy, Start
 
 _MODULES = {
     **dict.fromkeys(("build", "evaluate", "export", "make_env", "open_dataset", "plan", "verify"), "domino_data.api"),
-    **dict.fromkeys(("DominoError", "Recipe", "Setup", "open_episode"), "pipeline.data"),
+    "DominoError": "pipeline.data.errors",
+    "Recipe": "pipeline.data.recipe.model",
+    "Setup": "pipeline.data.setup",
+    "open_episode": "pipeline.data.episode.file",
     **dict.fromkeys(("BatchPolicy", "Observation", "Policy", "Start"), "pipeline.evaluate.policy"),
 }
 

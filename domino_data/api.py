@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.data import Dataset, Recipe, Setup
+    from pipeline.data.dataset import Dataset
+    from pipeline.data.recipe.model import Recipe
+    from pipeline.data.setup import Setup
     from pipeline.evaluate import DominoEnv
     from pipeline.evaluate.evaluate import Outcome
     from pipeline.evaluate.policy import Policy
@@ -44,7 +46,7 @@ def build(recipe: Wanted, out: Place, *, workers: int = 1, progress: bool = Fals
 def open_dataset(path: Place) -> "Dataset":
     """The dataset in a directory: `recipe()` is what it was built from, `accepted(recipe)` are its episode files, which
     `open_episode` opens. Raises DatasetError if there is none."""
-    from pipeline.data import Dataset
+    from pipeline.data.dataset import Dataset
 
     dataset = Dataset(Path(path))
     dataset.recipe()
@@ -118,7 +120,8 @@ def make_env(task: str, embodiment: str = "aloha-agilex", level: int = 1, alpha:
 
 def _recipe(given: "Wanted") -> "Recipe":
     """The recipe with all names checked. Raises RecipeError."""
-    from pipeline.data import Recipe, find_recipe, read_recipe
+    from pipeline.data.recipe.file import find_recipe, read_recipe
+    from pipeline.data.recipe.model import Recipe
     from pipeline.run.names import recipe_from, resolve
 
     if isinstance(given, Recipe):

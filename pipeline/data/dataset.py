@@ -57,51 +57,29 @@ class Dataset:
     """Paths and ledger of one dataset directory. Paths are made from the recipe's slots, whose names are plain names."""
 
     def __init__(self, root: Path) -> None:
-        self.root = Path(root)
-
-    @property
-    def manifest(self) -> Path:
+        self.root = root = Path(root)
+        self.manifest = root / MANIFEST
         """The frozen recipe."""
-        return self.root / MANIFEST
-
-    @property
-    def attempts(self) -> Path:
+        self.attempts = root / "attempts.parquet"
         """The table of all attempts."""
-        return self.root / "attempts.parquet"
-
-    @property
-    def provenance(self) -> Path:
+        self.provenance = root / "provenance.json"
         """What made the dataset: code, packages, renderer, processor."""
-        return self.root / "provenance.json"
-
-    @property
-    def report(self) -> Path:
+        self.report = root / "report" / "index.html"
         """The report's first page."""
-        return self.root / "report" / "index.html"
-
-    @property
-    def assets(self) -> Path:
+        self.assets = root / "assets"
         """Vendor meshes that the recipe names (robots/), and what the images were drawn from (bodies/)."""
-        return self.root / "assets"
-
-    @property
-    def bodies(self) -> Path:
+        self.bodies = self.assets / "bodies"
         """Meshes and materials of every body in the images, each once, by hash."""
-        return self.assets / "bodies"
-
-    @property
-    def episodes(self) -> Path:
+        self.episodes = root / "episodes"
         """Directory of the episode files."""
-        return self.root / "episodes"
+        self.failures = root / "failures"
+        """Directory of the failed attempts that are kept: no episodes of the dataset."""
+        self.ledger = Ledger(root / "ledger")
+        """Which slots are finished."""
 
     def episode(self, slot: Slot) -> Path:
         """Path of a slot's episode file."""
         return self.episodes / f"{slot.path}.hdf5"
-
-    @property
-    def failures(self) -> Path:
-        """Directory of the failed attempts that are kept: no episodes of the dataset."""
-        return self.root / "failures"
 
     def failure(self, slot: Slot, attempt: int) -> Path:
         """Path of a failed attempt at a slot."""
@@ -128,11 +106,6 @@ class Dataset:
             if not same:
                 raise DatasetError(f"{path}: bytes differ from the ledger's sha256; {REMAKE}")
         return [path for path, _ in found]
-
-    @property
-    def ledger(self) -> Ledger:
-        """Which slots are finished."""
-        return Ledger(self.root / "ledger")
 
     def log(self, slot: Slot) -> Path:
         """Where the log of a slot that failed is."""

@@ -26,24 +26,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
 from pipeline.data.names import SIDES
 from pipeline.export.common import (
     ExportError,
     Facts,
     by_embodiment,
     exported_cameras,
-    judging,
-    make_groups,
-    read_facts,
     read_summary,
     reading,
 )
-from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.hdf5_files import find_misplaced, write_files
-from pipeline.export.images import decode_jpeg, padded, reencode, resize
+from pipeline.export.exporter import register
+from pipeline.export.hdf5_files import Contents, Hdf5Exporter
+from pipeline.export.images import padded, reencode, resize
 from pipeline.export.options import camera_names_option, image_size, one_of, option
-from pipeline.export.provenance import PROVENANCE, check_provenance
 
 
 @dataclass(frozen=True)
@@ -62,54 +57,70 @@ class AlohaOptions:
 
 
 @register
-class Aloha(Exporter[AlohaOptions]):
+class Aloha(Hdf5Exporter[AlohaOptions]):
     """One HDF5 file an episode."""
 
     name = "aloha"
     options = AlohaOptions
 
-    def export(self, job: Job[AlohaOptions]) -> dict[str, Any]:
-        """Write `job.out`, or a directory of it for each of several embodiments. Raises ExportError for unreadable episodes and
-        for episodes of one embodiment that differ in fps, cameras, image size or joint names."""
-        with self.draft(job) as draft:
-            folder, frames, fps = draft.folder, 0, {}
-            groups = by_embodiment(job.episodes, folder)
-            for name, (directory, paths) in groups.items():
-                longest = _longest(paths) if job.options.pad else 0
+    def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
+        return dict(by_embodiment(episodes, out).values())
 
-                def write(made: Path, file: EpisodeFile, facts: Facts, longest: int = longest) -> None:
-                    _write(made, _rows(facts, longest), _images(file, facts, job.options), facts, job.options)
+    def file(self, directory: Path, index: int) -> Path:
+        return directory / f"episode_{index}.hdf5"
 
-                for facts in write_files(draft, job, directory, _places(directory, paths), write, (longest,)):
-                    frames += len(facts)
-                    fps[name] = facts.fps
-            values = {"episodes": sum(len(p) for _, p in groups.values()), "frames": frames, "fps": fps}
-            return self.summarize(folder, job, values | {"embodiments": sorted(groups)})
+    def cameras(self, facts: Facts, options: AlohaOptions) -> dict[str, str]:
+        return exported_cameras(facts, options.camera_names)
+
+    def shared(self, paths: Sequence[Path], options: AlohaOptions) -> int:
+        """The rows that the files are padded to, 0 for no padding."""
+        return _longest(paths) if options.pad else 0
+
+    def contents(self, file: EpisodeFile, facts: Facts, options: AlohaOptions, shared: int) -> Contents:
+        rows, coded = _rows(facts, shared), options.compress == "jpeg"
+        images = {name: _images(file, camera, options) for camera, name in self.cameras(facts, options).items()}
+        length, names = len(rows["action"]), sorted(images)
+        values: dict[str, NDArray[Any]] = {
+            **rows,
+            "instructions/seen": np.array(facts.seen, h5py.string_dtype()),
+            "instructions/unseen": np.array(facts.unseen, h5py.string_dtype()),
+            "motion": np.array(facts.motion, h5py.string_dtype()),
+        }
+        for name in names:
+            values[f"observations/images/{name}"] = _lengthen(padded(images[name]) if coded else np.stack(images[name]), length)
+        if coded:
+            sizes = [np.array([len(jpeg) for jpeg in images[name]], np.float32) for name in names]
+            values["compress_len"] = np.stack([_lengthen(each, length) for each in sizes])
+        attributes = {
+            "sim": True,
+            "compress": coded,
+            "fps": facts.fps,
+            "jpeg_order": options.jpeg_order,
+            "length": len(facts),
+            "embodiment": facts.spec.embodiment,
+            "names": list(facts.log.vector_names),
+            "cameras": names,
+            "task": facts.spec.task,
+            "instruction": facts.instruction,
+            "spec": facts.spec.to_json(),
+            "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+        }
+        return Contents(values, attributes, storage=_chunk)
+
+    def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: AlohaOptions) -> None:
+        values.setdefault("fps", {})[first.spec.embodiment] = first.fps
+        values.setdefault("embodiments", []).append(first.spec.embodiment)
 
     def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: AlohaOptions) -> list[str]:
-        """Vectors and images must be equal bit by bit; images that the export resized or encoded again are made again here."""
-        summary = read_summary(out)
-        problems: list[str] = []
-        groups = by_embodiment(episodes, out)
-        if sorted(groups) != summary.get("embodiments"):
-            problems.append(f"{out}: holds embodiments {summary.get('embodiments')}, the dataset {sorted(groups)}")
-        for directory, paths in groups.values():
-            longest = _longest(paths) if options.pad else 0
-            places, found = _places(directory, paths), {*directory.glob("episode_*.hdf5")}
-            problems += find_misplaced(places.values(), found)
-            for path, exported in places.items():
-                if exported in found:
-                    with reading(path) as file:
-                        facts = read_facts(file, dataset)
-                        with judging(exported, problems), open_hdf5(exported) as f:
-                            problems += [f"{exported}: {p} {path}" for p in _compare(f, file, facts, longest, options)]
-            with judging(directory / PROVENANCE, problems):
-                problems += check_provenance(directory / PROVENANCE, dataset, paths)
-        return problems
+        """As that of all HDF5 formats; images that the export resized or encoded again are made again here."""
+        held, groups = read_summary(out).get("embodiments"), sorted(by_embodiment(episodes, out))
+        problems = [f"{out}: holds embodiments {held}, the dataset {groups}"] * (held != groups)
+        return problems + super().compare(dataset, out, episodes, options)
 
 
-def _places(directory: Path, paths: Sequence[Path]) -> dict[Path, Path]:
-    return {path: directory / f"episode_{index}.hdf5" for index, path in enumerate(paths)}
+def _chunk(key: str, values: NDArray[Any]) -> dict[str, Any] | None:
+    """Each image is a chunk of its own, coded or not."""
+    return {"chunks": (1, *values.shape[1:])} if key.startswith("observations/images/") else None
 
 
 def _longest(paths: Sequence[Path]) -> int:
@@ -162,78 +173,8 @@ def _lengthen(values: NDArray[Any], length: int) -> NDArray[Any]:
     return values[np.minimum(np.arange(max(length, len(values))), len(values) - 1)]
 
 
-def _images(file: EpisodeFile, facts: Facts, options: AlohaOptions) -> dict[str, list[Any]]:
-    """Exported camera -> JPEG bytes or RGB arrays (H,W,3) of its frames."""
-    images: dict[str, list[Any]] = {}
-    for camera, name in exported_cameras(facts, options.camera_names).items():
-        stored = [bytes(b) for b in file.array(f"observation/{camera}/rgb")]
-        if options.compress == "jpeg":
-            images[name] = [reencode(b, options.jpeg_order, options.size) for b in stored]
-        else:
-            frames = (decode_jpeg(b, "rgb") for b in stored)
-            images[name] = [f if options.size is None else resize(f, options.size) for f in frames]
-    return images
-
-
-def _write(
-    path: Path, rows: Mapping[str, NDArray[Any]], images: Mapping[str, list[Any]], facts: Facts, options: AlohaOptions
-) -> None:
-    log, length = facts.log, len(rows["action"])
-    with new_hdf5(path, rdcc_nbytes=2 * 1024**2) as f:
-        f.attrs["sim"], f.attrs["compress"], f.attrs["fps"] = True, options.compress == "jpeg", facts.fps
-        f.attrs["jpeg_order"], f.attrs["length"] = options.jpeg_order, len(facts)
-        f.attrs["embodiment"], f.attrs["names"] = facts.spec.embodiment, list(log.vector_names)
-        f.attrs["cameras"] = sorted(images)
-        f.attrs["task"], f.attrs["instruction"], f.attrs["spec"] = facts.spec.task, facts.instruction, facts.spec.to_json()
-        f.attrs["events"] = json.dumps([[e.name, e.time] for e in log.events])
-        make_groups(f, [*rows, "instructions/seen", "observations/images/camera"])
-        for key, values in rows.items():
-            f[key] = values
-        f["instructions/seen"] = np.array(facts.seen, dtype=h5py.string_dtype())
-        f["instructions/unseen"] = np.array(facts.unseen, dtype=h5py.string_dtype())
-        f["motion"] = facts.motion
-        for name in sorted(images):
-            data = _lengthen(padded(images[name]) if f.attrs["compress"] else np.stack(images[name]), length)
-            f.create_dataset(f"observations/images/{name}", data=data, chunks=(1, *data.shape[1:]))
-        if f.attrs["compress"]:
-            lengths = [_lengthen(np.array([len(jpeg) for jpeg in images[name]], np.float32), length) for name in sorted(images)]
-            f["compress_len"] = np.stack(lengths)
-
-
-def _compare(f: Any, file: EpisodeFile, facts: Facts, longest: int, options: AlohaOptions) -> list[str]:
-    problems = []
-    for key, want in _rows(facts, longest).items():
-        if not np.array_equal(f[key][()], want):
-            problems.append(f"{key} differs from")
-    if f.attrs["fps"] != facts.fps or f.attrs["length"] != len(facts):
-        problems.append("fps or length differs from")
-    if list(f.attrs["names"]) != list(facts.log.vector_names):
-        problems.append("joint names differ from")
-    said = {"task": facts.spec.task, "instruction": facts.instruction, "spec": facts.spec.to_json()}
-    problems += [f"{name} differs from" for name, want in said.items() if f.attrs[name] != want]
-    for split, want in (("seen", facts.seen), ("unseen", facts.unseen)):
-        if [text.decode() for text in f[f"instructions/{split}"][()]] != want:
-            problems.append(f"instructions/{split} differ from")
-    order = list(f.attrs["cameras"])
-    for camera, name in exported_cameras(facts, options.camera_names).items():
-        data = f[f"observations/images/{name}"]
-        lengths = f["compress_len"][order.index(name)].astype(int) if f.attrs["compress"] else None
-        if len(data) != max(longest, len(facts)):
-            problems.append(f"{name} has {len(data)} images for the {max(longest, len(facts))} frames of")
-        elif (wrong := _wrong_image(file, camera, data, lengths, options)) is not None:
-            problems.append(f"{name} image {wrong} differs from")
-    return problems
-
-
-def _wrong_image(file: EpisodeFile, camera: str, data: Any, lengths: Any, options: AlohaOptions) -> int | None:
-    """The first image of a camera that is not the episode's, or None."""
-    for t in range(len(data)):
-        stored = file.jpeg(camera, min(t, len(file) - 1))
-        if lengths is not None:
-            if data[t][: lengths[t]].tobytes() != reencode(stored, options.jpeg_order, options.size):
-                return t
-            continue
-        want = decode_jpeg(stored, "rgb")
-        if not np.array_equal(data[t], want if options.size is None else resize(want, options.size)):
-            return t
-    return None
+def _images(file: EpisodeFile, camera: str, options: AlohaOptions) -> list[Any]:
+    """JPEG bytes or RGB arrays (H,W,3) of the frames of a camera."""
+    if options.compress == "jpeg":
+        return [reencode(bytes(b), options.jpeg_order, options.size) for b in file.array(f"observation/{camera}/rgb")]
+    return [resize(frame, options.size) for frame in file.frames(camera)]

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
@@ -21,9 +20,7 @@ from pipeline.data.keys import file_hash
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.export.common import ExportError, Facts
 from pipeline.export.freshness import command, stale
-
-IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})
-"""What Hugging Face datasets stores an image as."""
+from pipeline.export.sensors import IMAGE, image_column, png
 
 MASK = pa.struct(
     [
@@ -118,14 +115,14 @@ def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFil
             raise ExportError(f"{path}: is out of date, {why}; run {command(dataset, stage)}")
         made = {"flow": _flow, "masks": _masks, "features": _features}[one.stage](entry)
         for (name, kind), values in zip(one.columns.items(), made, strict=True):
-            columns[name] = pa.array(values, kind)
+            columns[name] = values if isinstance(values, pa.Array) else pa.array(values, kind)
     return columns
 
 
 def _flow(entry: Entry) -> list[Any]:
     a = entry.arrays
     maps = [flow.astype("<f2").tobytes() for flow in a["flow"]]
-    images = [{"bytes": cv2.imencode(".png", rgb[..., ::-1])[1].tobytes(), "path": None} for rgb in a["rgb"]]
+    images = image_column([png(rgb[..., ::-1]) for rgb in a["rgb"]])
     return [maps, images, a["scale"].astype(np.float32), a["previous"].astype(np.int64)]
 
 

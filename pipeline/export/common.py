@@ -273,10 +273,15 @@ def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
                 file.create_group("/".join(parts[:depth]))
 
 
-def write_json(path: Path, value: Any) -> None:
+def json_text(value: Any) -> str:
     """Indented JSON, keys sorted, newline at the end."""
+    return json.dumps(value, indent=2, sort_keys=True) + "\n"
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `json_text`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n")
+    path.write_text(json_text(value))
 
 
 def size_of(directory: Path) -> int:

@@ -127,6 +127,9 @@ class Dynamicwam(CellExporter[DynamicwamOptions]):
             )
         if missing := sorted(set(CAMERAS) - set(facts.cameras)):
             raise ExportError(f"{facts.source}: has no {missing[0]}, which DynamicWAM needs")
-        front = options.front_camera or next((camera for camera in (FRONT, OBSERVER) if camera in facts.cameras), None)
         group = {f"interception/{name}": values for name, values in fields(facts, interception(facts)).items()}
-        return episode_arrays(file, facts, written_cameras(facts, front), "rgb") | group
+        return episode_arrays(file, facts, self.cameras(facts, options), "rgb") | group
+
+    def cameras(self, facts: Facts, options: DynamicwamOptions) -> dict[str, str]:
+        front = options.front_camera or next((camera for camera in (FRONT, OBSERVER) if camera in facts.cameras), None)
+        return written_cameras(facts, front)

@@ -16,8 +16,10 @@ from pipeline.data.episode.jpeg import QUALITY, decode_frame
 JpegOrder = Literal["rgb", "bgr"]
 
 
-def resize(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Image (H,W,3) resized to `size` = (height, width) in pixels: area averaging when it shrinks, else bilinear."""
+def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
+    """Image (H,W,3) resized to `size` = (height, width) in pixels: area averaging when it shrinks, else bilinear. None keeps it."""
+    if size is None:
+        return rgb
     shrinks = size[0] * size[1] < rgb.shape[0] * rgb.shape[1]
     return np.asarray(cv2.resize(rgb, (size[1], size[0]), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR), np.uint8)
 
@@ -30,18 +32,11 @@ def encode_jpeg(rgb: NDArray[np.uint8], order: JpegOrder) -> bytes:
     return data.tobytes()
 
 
-def decode_jpeg(jpeg: bytes, order: JpegOrder) -> NDArray[np.uint8]:
-    """JPEG bytes in that order -> RGB image (H,W,3). Raises EpisodeError for bytes that are no image."""
-    rgb = decode_frame(jpeg)
-    return rgb if order == "rgb" else np.ascontiguousarray(rgb[..., ::-1])
-
-
 def reencode(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = None) -> bytes:
     """A JPEG of an episode file in another order or size; the very bytes where neither changes."""
     if order == "rgb" and size is None:
         return stored
-    rgb = decode_frame(stored)
-    return encode_jpeg(rgb if size is None else resize(rgb, size), order)
+    return encode_jpeg(resize(decode_frame(stored), size), order)
 
 
 def padded(images: list[bytes]) -> NDArray[np.uint8]:

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.annotations import stages_of
-from pipeline.export.annotations import IMAGE, Joined, annotation_hashes, joined_of
+from pipeline.export.annotations import Joined, annotation_hashes, joined_of
 from pipeline.export.common import (
     EXPORT_FAULTS,
     ExportError,
@@ -39,7 +39,7 @@ from pipeline.export.options import camera_names_option, option, whole
 from pipeline.export.parquet_table import CONSTANTS, Plan, episode_table
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.export.reuse import Draft
-from pipeline.export.sensors import SENSORS, sensors_of
+from pipeline.export.sensors import IMAGE, SENSORS, sensors_of
 from pipeline.export.tables import TableWriter
 
 FILE_BYTES = 200 * 1024 * 1024

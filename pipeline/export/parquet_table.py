@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
-from pipeline.export.annotations import IMAGE, Joined, annotation_columns
+from pipeline.export.annotations import Joined, annotation_columns
 from pipeline.export.common import Facts, event_frames
 from pipeline.export.lerobot_format import contact_flags, trace_of
 from pipeline.export.meetings import interception
 from pipeline.export.script import script_of
-from pipeline.export.sensors import IMAGES, POINTCLOUD, coded_images, sensors_of
+from pipeline.export.sensors import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column, sensors_of
 from pipeline.motion.paths import path_ahead
 from pipeline.motion.recorded.interception import track
 
@@ -137,20 +137,14 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
             columns[f"{kind}_{name}"] = _lists(value)
     columns |= annotation_columns(plan.joined, dataset, file, facts)
     for camera, column in plan.images.items():
-        coded = file.array(f"observation/{camera}/rgb").tolist()
-        columns[column] = _images(coded)
+        columns[column] = image_column(file.array(f"observation/{camera}/rgb").tolist())
     for (camera, sensor), column in plan.sensor_images.items():
         stored = sensor in sensors_of(file, [camera])
-        columns[column] = _images(coded_images(file, camera, sensor)) if stored else pa.nulls(frames, IMAGE)
+        columns[column] = image_column(coded_images(file, camera, sensor)) if stored else pa.nulls(frames, IMAGE)
     if POINTCLOUD in plan.sensors:
         stored = file.has(POINTCLOUD)
         columns[POINTCLOUD] = _lists(file.array(POINTCLOUD)) if stored else pa.nulls(frames, pa.list_(pa.float32()))
     return pa.table({name: columns[name] for name in schema.names}, schema=schema)
-
-
-def _images(coded: Sequence[bytes]) -> pa.Array:
-    """A column of coded images."""
-    return pa.array([{"bytes": image, "path": None} for image in coded], IMAGE)
 
 
 def _lists(values: NDArray[Any]) -> pa.Array:

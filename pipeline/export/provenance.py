@@ -16,7 +16,7 @@ from pipeline.data.splits import split_of
 from pipeline.export.common import Facts, read_facts, reading
 from pipeline.export.meetings import interception
 from pipeline.export.script import rows_of
-from pipeline.export.tables import TableWriter
+from pipeline.export.tables import RowWriter
 from pipeline.motion.recorded.group import conditions_of
 
 
@@ -134,29 +134,14 @@ def check_provenance(file: Path, dataset: Path, paths: Sequence[Path]) -> list[s
     return problems
 
 
-class Provenance:
+class Provenance(RowWriter):
     """A Parquet file of `provenance` rows, written a hundred at a time."""
 
     def __init__(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        super().__init__(path, PROVENANCE_SCHEMA, 100)
         self.count = 0
-        self._rows: list[dict[str, Any]] = []
-        self._writer = TableWriter(path, PROVENANCE_SCHEMA, compression="zstd")
 
     def append(self, facts: Facts) -> None:
         """Add the next episode."""
-        self._rows.append(provenance(self.count, facts))
+        self.add(provenance(self.count, facts))
         self.count += 1
-        if len(self._rows) == 100:
-            self._flush()
-
-    def _flush(self) -> None:
-        self._writer.write_table(pa.Table.from_pylist(self._rows, schema=PROVENANCE_SCHEMA))
-        self._rows.clear()
-
-    def close(self) -> None:
-        """Write what is left and the footer."""
-        if self._writer.is_open:
-            if self._rows:
-                self._flush()
-            self._writer.close()

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from pipeline.data.atomic import write_atomic
 from pipeline.export.card import CARD, read_card
-from pipeline.export.common import SUMMARY, ExportError, read_summary, unlisted_files
+from pipeline.export.common import ExportError, read_summary, unlisted_files
 
 FILES = 100_000
 FILES_OF_A_FOLDER = 10_000
@@ -159,6 +159,3 @@ def publish(shipment: Shipment, api: Any) -> str:
 def _add_badge(card: Path, repo_id: str) -> None:
     begin, end, text = card.read_text().partition("\n---\n")
     write_atomic(card, f"{begin}{end}\n{with_badge(text.lstrip(), repo_id)}".encode())
-
-
-__all__ = ["SUMMARY", "Shipment", "prepare", "publish", "with_badge"]

@@ -21,7 +21,6 @@ from itertools import batched
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from pipeline.data.episode.file import EpisodeFile
@@ -42,6 +41,7 @@ from pipeline.export.images import reencode
 from pipeline.export.options import camera_names_option, image_size, option, whole
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.export.reuse import Draft
+from pipeline.export.sensors import DEPTH, coded_images
 from pipeline.export.tfrecord import Value, example, read_records, write_records
 
 VERSION = "1.0.0"
@@ -178,14 +178,8 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
         images = file.array(f"observation/{camera}/rgb")
         values[f"steps/observation/{name}"] = [reencode(bytes(image), "rgb", options.size) for image in images]
         if file.has(f"observation/{camera}/depth"):
-            values[f"steps/observation/depth_{name}"] = [_png(image) for image in file.array(f"observation/{camera}/depth")]
+            values[f"steps/observation/depth_{name}"] = coded_images(file, camera, DEPTH)
     return values
-
-
-def _png(depth: Any) -> bytes:
-    done, data = cv2.imencode(".png", depth)
-    assert done
-    return data.tobytes()
 
 
 def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Any]:

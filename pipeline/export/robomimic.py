@@ -71,7 +71,7 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
     def cameras(self, facts: Facts, options: RobomimicOptions) -> dict[str, str]:
         return exported_cameras(facts, options.camera_names)
 
-    def contents(self, file: EpisodeFile, facts: Facts, options: RobomimicOptions) -> Contents:
+    def contents(self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None) -> Contents:
         log, last = facts.log, np.arange(len(facts)) == len(facts) - 1
         obs: dict[str, NDArray[Any]] = {
             "joint_pos": log.state,
@@ -80,7 +80,7 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         }
         obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
         for camera, name in self.cameras(facts, options).items():
-            obs[f"obs/{name}_image"] = np.stack([_resize(image, options.size) for image in file.frames(camera)])
+            obs[f"obs/{name}_image"] = np.stack([resize(image, options.size) for image in file.frames(camera)])
             if file.has(f"observation/{camera}/depth"):
                 depth = file.array(f"observation/{camera}/depth") / np.float32(1000)
                 obs[f"obs/{name}_depth"] = np.stack([_nearest(image, options.size) for image in depth])[..., None]
@@ -141,10 +141,6 @@ def index_of(provenance: Path) -> tuple[dict[str, Any], dict[str, list[str]], in
 
 def _split(physics_id: str) -> str:
     return "train" if int(hashlib.sha256(physics_id.encode()).hexdigest(), 16) % HELD_OUT else "valid"
-
-
-def _resize(image: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
-    return image if size is None else resize(image, size)
 
 
 def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:

@@ -33,7 +33,7 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.names import CAMERAS
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.cell_files import CellExporter, configuration
-from pipeline.export.common import ExportError, Facts
+from pipeline.export.common import ExportError, Facts, json_text
 from pipeline.export.exporter import register
 from pipeline.export.images import JpegOrder
 from pipeline.export.options import one_of, option
@@ -72,13 +72,19 @@ class Robotwin(CellExporter[RobotwinOptions]):
         return options.jpeg_order
 
     def arrays(self, file: EpisodeFile, facts: Facts, options: RobotwinOptions) -> dict[str, NDArray[Any]]:
-        return episode_arrays(file, facts, written_cameras(facts, options.front_camera), options.jpeg_order)
+        return episode_arrays(file, facts, self.cameras(facts, options), options.jpeg_order)
 
-    def lists(self, episodes: Sequence[tuple[EpisodeSpec, EpisodeMeta]]) -> Mapping[str, str]:
+    def cameras(self, facts: Facts, options: RobotwinOptions) -> dict[str, str]:
+        return written_cameras(facts, options.front_camera)
+
+    def note(self, facts: Facts) -> dict[str, Any]:
+        return scene(facts.spec, facts.meta)
+
+    def lists(self, notes: Sequence[dict[str, Any]]) -> Mapping[str, str]:
         """scene_info.json and seed.txt."""
-        scenes = {f"episode_{index}": scene(*episode) for index, episode in enumerate(episodes)}
-        seeds = " ".join(str(spec.seed) for spec, _ in episodes)
-        return {"scene_info.json": json.dumps(scenes, indent=2, sort_keys=True) + "\n", "seed.txt": seeds + "\n"}
+        scenes = {f"episode_{index}": note for index, note in enumerate(notes)}
+        seeds = " ".join(str(note["spec"]["seed"]) for note in notes)
+        return {"scene_info.json": json_text(scenes), "seed.txt": seeds + "\n"}
 
 
 def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
@@ -14,6 +15,15 @@ DEPTH, SEGMENTATION, POINTCLOUD = SENSORS = ("depth", "segmentation", "pointclou
 
 IMAGES = {DEPTH: "depth", SEGMENTATION: "actor_segmentation"}
 """Sensor -> its arrays (T,H,W) below a camera."""
+
+
+IMAGE = pa.struct({"bytes": pa.binary(), "path": pa.string()})
+"""What Hugging Face datasets stores an image as."""
+
+
+def image_column(coded: Sequence[bytes]) -> pa.Array:
+    """A column of coded images."""
+    return pa.array([{"bytes": image, "path": None} for image in coded], IMAGE)
 
 
 def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:

@@ -1,7 +1,9 @@
 """Parquet files being written."""
 
+from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 
@@ -28,3 +30,34 @@ class TableWriter(pq.ParquetWriter):
             self.close()
         except OSError:
             return
+
+
+class RowWriter:
+    """A Parquet file of rows, written when `group` of them have come."""
+
+    def __init__(self, path: Path, schema: pa.Schema, group: int) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._rows, self._group = list[dict[str, Any]](), group
+        self._writer = TableWriter(path, schema, compression="zstd")
+
+    def add(self, *rows: dict[str, Any]) -> None:
+        """Add rows, which come to the same row group."""
+        self._rows += rows
+        if len(self._rows) >= self._group:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._rows:
+            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._writer.schema))
+            self._rows.clear()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the footer is to be written yet."""
+        return self._writer.is_open
+
+    def close(self) -> None:
+        """Write what is left and the footer, once."""
+        if self.is_open:
+            self._flush()
+            self._writer.close()

@@ -76,7 +76,7 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
             raise ExportError(f"{facts.source}: has none of {', '.join((*CAMERAS, *THIRD_VIEW))}, the cameras of XPolicyLab")
         return names
 
-    def contents(self, file: EpisodeFile, facts: Facts, options: XPolicyLabOptions) -> Contents:
+    def contents(self, file: EpisodeFile, facts: Facts, options: XPolicyLabOptions, shared: None) -> Contents:
         log = facts.log
         values: dict[str, NDArray[Any] | str] = {
             "data_format_version": "v1.0",

@@ -108,7 +108,7 @@ def episode_values(file: EpisodeFile, facts: Facts, options: ZarrOptions) -> dic
     """Arrays of an episode by key, frames first. Raises ExportError for a --camera-names that does not fit."""
     values: dict[str, NDArray[Any]] = {"state": facts.log.state.astype(np.float32), "action": facts.log.action.astype(np.float32)}
     for camera, name in cameras_of(facts, options).items():
-        images = np.stack([i if options.size is None else resize(i, options.size) for i in file.frames(camera)])
+        images = np.stack([resize(image, options.size) for image in file.frames(camera)])
         values[name] = np.moveaxis(images, -1, 1) if options.channels == "first" else images
         if file.has(f"observation/{camera}/depth"):
             values[f"depth_{name}"] = file.array(f"observation/{camera}/depth")

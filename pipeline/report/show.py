@@ -1,7 +1,5 @@
 """One episode to look at: its film, its frames, its sentences and what happened when, as one HTML file."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.data.atomic import write_atomic
@@ -14,20 +12,6 @@ from pipeline.report.sections import Figure, Strip
 
 COLUMNS, WIDTH = 6, 320
 SENTENCES = 5  # of each split
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What the page shows: an mp4 (b"" if none could be made), frames, facts by name, events as (s, what, by), sentences."""
-
-    title: str
-    subtitle: str
-    mp4: bytes
-    cameras: Sequence[str]
-    strip: Strip
-    facts: Mapping[str, str]
-    events: Sequence[tuple[float, str, str]]
-    sentences: Mapping[str, Sequence[str]]
 
 
 def show(episode: Path, page: Path) -> Path:
@@ -50,15 +34,15 @@ def show(episode: Path, page: Path) -> Path:
         }
         shots = film(episode, COLUMNS, WIDTH).shots
     figures = [Figure(encode(s.rgb, quality=85), f"{'meeting, ' if s.meeting else ''}{s.time:.2f} s", s.meeting) for s in shots]
-    shown = Shown(
-        title=title(whole.spec),
-        subtitle=subtitle(whole.spec).replace("  |  ", " · "),
-        mp4=clip(episode, 240),
-        cameras=cameras,
-        strip=Strip(figures, COLUMNS),
-        facts=facts,
-        events=[(event.time, event.name, event.by) for event in log.events],
-        sentences=sentences,
-    )
+    shown = {
+        "title": title(whole.spec),
+        "subtitle": subtitle(whole.spec).replace("  |  ", " · "),
+        "mp4": clip(episode, 240),
+        "cameras": cameras,
+        "strip": Strip(figures, COLUMNS),
+        "facts": facts,
+        "events": [(event.time, event.name, event.by) for event in log.events],
+        "sentences": sentences,
+    }
     write_atomic(page, render_page("pipeline.report", "show.html", shown=shown).encode(errors="replace"))
     return page

@@ -4,9 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.data import Dataset, parse_recipe
+from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.recipe.model import parse_recipe
 from tests.synthetic import make_episode
 
 ROOT = Path(__file__).parents[2]
@@ -22,8 +23,8 @@ class Refused:
             raise ImportError(f"{{name}} must not be imported")
 
 sys.meta_path.insert(0, Refused())
-import pipeline.data
-from pipeline.data import Dataset, open_episode
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import open_episode
 from pipeline.data.keys import file_hash
 
 dataset = Dataset(sys.argv[1])

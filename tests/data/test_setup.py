@@ -2,9 +2,8 @@
 
 import pytest
 
-from pipeline.data import Recipe, RecipeError, Setup, parse_recipe
-from pipeline.data.recipe.model import KEYS
-from pipeline.data.setup import DEFAULT, IMAGES
+from pipeline.data.recipe.model import KEYS, Recipe, RecipeError, parse_recipe
+from pipeline.data.setup import DEFAULT, IMAGES, Setup
 
 TOP = {"name": "top", "pose": [0, 0, 2, 1, 0, 0, 0], "width": 64, "height": 48, "fovy": 60}
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from pipeline.data import Dataset, open_episode
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import encode_frames
 from pipeline.evaluate.case import admit, expert_actions
 from pipeline.evaluate.env import DominoEnv

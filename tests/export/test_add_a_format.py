@@ -8,8 +8,8 @@ import pytest
 
 from pipeline.commands.export import format_flags
 from pipeline.data.episode.file import open_episode
-from pipeline.export import EXPORTERS, ExportError, check_exports, parse_options
-from tests.export.running import run
+from pipeline.export import EXPORTERS, ExportError, parse_options
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_format.md"

@@ -9,10 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
+from pipeline.export import ExportError
 from pipeline.export.aloha import joint_velocity
 from pipeline.export.common import read_facts, reading
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}
@@ -111,7 +111,7 @@ def test_embodiments_apart_with_their_own_width(tmp_path, episodes):
         ("action", lambda x: x + np.float32(1e-6), "action differs"),
         ("observations/qvel", lambda x: x[::-1], "observations/qvel differs"),
         ("observations/images/cam_high", lambda x: x[::-1], "cam_high image 0 differs"),
-        ("observations/images/cam_high", lambda x: x[:-1], "cam_high has 3 images for the 4 frames"),
+        ("observations/images/cam_high", lambda x: x[:-1], "cam_high differs"),
         ("timestamp", lambda x: x * 1.1, "timestamp differs"),
     ],
 )

@@ -19,7 +19,7 @@ from pipeline.data.episode.state_log import Event
 from pipeline.data.errors import DominoError
 from pipeline.data.spec import EpisodeSpec
 from pipeline.data.store.lock import Busy
-from pipeline.export import EXPORTERS, ExportError, check_exports
+from pipeline.export import EXPORTERS, ExportError
 from pipeline.export.common import (
     SUMMARY,
     Facts,
@@ -33,7 +33,7 @@ from pipeline.export.common import (
     stage_directory,
     unlisted_files,
 )
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.full_disk import longest_file
 from tests.synthetic import episode_path, make_episode, make_log, make_meta, target_pose
 
@@ -253,11 +253,6 @@ def test_episodes_that_do_not_fit_together_are_refused(dataset, format):
         make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3, fps=30)
     with pytest.raises(ExportError, match=r"fps 30 differs from 15 of"):
         run(format, dataset, dataset / "exports" / format, episodes_of(dataset))
-
-
-def test_unknown_format_is_named(dataset):
-    with pytest.raises(ExportError, match="formats are aloha, lerobot, "):
-        check_exports(dataset, dataset, "csv", episodes_of(dataset))
 
 
 @pytest.mark.parametrize("name", sorted(EXPORTERS))

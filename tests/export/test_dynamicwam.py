@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
+from pipeline.export import ExportError
 from pipeline.poses import matrix
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 PLACE = "clean/click_bell/aloha-agilex_L1_clean"

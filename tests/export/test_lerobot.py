@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
+from pipeline.export import ExportError
 from pipeline.export.lerobot_options import datasets_of
 from pipeline.export.video import Codec, encode, frames_of
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 HEAD = "observation.images.cam_high"

@@ -8,9 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import check_exports
 from pipeline.export.video import frames_of
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}

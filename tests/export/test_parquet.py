@@ -15,10 +15,10 @@ from pipeline.annotate.store import write_entry, write_stage
 from pipeline.data.annotations import Entry, annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
+from pipeline.export import ExportError
 from pipeline.export.common import read_facts
 from pipeline.export.freshness import command, stale
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 

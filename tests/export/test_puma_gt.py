@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports, parse_options
+from pipeline.export import ExportError, parse_options
 from pipeline.export.puma_gt import PumaGtOptions, trajectory_params
 from pipeline.motion.planar.motion import PlanarMotion, Segment
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import SPEED, episode_path, make_episode
 
 

@@ -10,9 +10,8 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from PIL import Image
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import check_exports
 from pipeline.export.tfrecord import example, masked_crc, read_records, write_records
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 PLACE = "domino_aloha_agilex/1.0.0"

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import check_exports
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports, parse_options
+from pipeline.export import ExportError, parse_options
 from pipeline.export.robotwin import RobotwinOptions
 from pipeline.poses import matrix
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import CAMERAS, COLORS, episode_path, make_episode
 
 CONFIGURATION = "click_bell/aloha-agilex_L1_clean"

@@ -5,8 +5,9 @@ import json
 import pytest
 
 from pipeline.data.select import WhereError
-from pipeline.export import EXPORTERS, ExportError, Job, check_exports
+from pipeline.export import EXPORTERS, ExportError, Job
 from pipeline.export.selection import expression, select_episodes
+from tests.export.running import check_exports
 from tests.synthetic import episode_path, make_episode
 
 

@@ -11,9 +11,9 @@ import pytest
 from PIL import Image, ImageColor
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import EXPORTERS, ExportError, Job, check_exports
+from pipeline.export import EXPORTERS, ExportError, Job
 from pipeline.run.export import left_out_warning
-from tests.export.running import run
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 CONFIGURATION = "click_bell/aloha-agilex_L1_clean"

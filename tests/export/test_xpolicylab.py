@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
-from tests.export.running import run
+from pipeline.export import ExportError
+from tests.export.running import check_exports, run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 PLACE = "DOMINO_L1_clean/click_bell/aloha_agilex"

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pytest
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export import ExportError, check_exports
-from tests.export.running import run
+from pipeline.export import ExportError
+from tests.export.running import check_exports, run
 from tests.synthetic import episode_path, make_episode
 
 

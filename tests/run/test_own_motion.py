@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.data import Dataset, open_episode
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import open_episode
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS, motion_from_json, register

@@ -15,10 +15,10 @@ import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
 
-from pipeline.data import Dataset, EpisodeFile
 from pipeline.data.brought import _held_textures
 from pipeline.data.cameras import CameraType, visible
-from pipeline.data.dataset import DatasetError
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.keys import file_hash
 from pipeline.run import drawing

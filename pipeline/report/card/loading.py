@@ -133,17 +133,15 @@ def loading(summary: Mapping[str, Any], parts: Sequence[str] = ()) -> dict[str, 
         code = {"datasets": DATASETS, "pandas": PANDAS, "pyarrow": ARROW}
         if name == "lerobot":
             code = {"LeRobot": LEROBOT, "LeRobot, one split": LEROBOT_SPLIT} | code
-        code["the table of episodes"] = EPISODES.replace(
-            "EPISODES", "episodes.parquet" if name == "parquet" else "domino_episodes.parquet"
-        )
     elif name in BY_FORMAT:
         split = "failures" if summary["split"] == "failures" else "train"
         code = {tool: text.replace("SPLIT", split) for tool, text in BY_FORMAT[name].items()}
-        code["the table of episodes"] = EPISODES.replace("EPISODES", "episodes.parquet")
     else:
         action = "action" if name == "aloha" else "joint_action/vector"
         code = {"h5py": H5.replace("ACTION", action), "images": H5_ARRAYS if name == "aloha" else JPEG}
-        code["the table of episodes"] = EPISODES.replace("EPISODES", "episodes.parquet")
+    code["the table of episodes"] = EPISODES.replace(
+        "EPISODES", "domino_episodes.parquet" if name.startswith("lerobot") else "episodes.parquet"
+    )
     first = parts[0] if parts else ""
     place = {"ROOT": f"DIR/{first}" if first else "DIR", "CONFIG": f', "{first.replace("/", "-")}"' if first else ""}
     place["GLOB"] = GLOBS.get(name, "")

@@ -13,10 +13,11 @@ import yaml
 from pipeline.annotate.flow import Colour, colour_flow, farneback, shrink_grey
 from pipeline.annotate.stable_cv import bit_stable
 from pipeline.commands.options import Given
-from pipeline.data import Dataset, Setup, parse_recipe
+from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.jpeg import decode_frame
-from pipeline.data.setup import SETUP_FILE
+from pipeline.data.recipe.model import parse_recipe
+from pipeline.data.setup import SETUP_FILE, Setup
 from tests.synthetic import episode_path, make_episode
 from tests.training.puma.tiny import FRAMES, config_of, export
 from training.puma.cache import open_cache
