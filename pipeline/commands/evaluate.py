@@ -49,6 +49,10 @@ def evaluate(
             help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions.",
         ),
     ] = None,
+    in_process: Annotated[
+        bool,
+        typer.Option(help="Run the policy in the evaluator's process, where a debugger reaches it and it could change its score."),
+    ] = False,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -60,7 +64,7 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policies import policy_name
+    from pipeline.evaluate.policies import isolate, policy_name
     from pipeline.evaluate.policy import staying
     from pipeline.evaluate.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
@@ -71,7 +75,7 @@ def evaluate(
     wanted = evaluation_of(
         recipe,
         _images_setup(given, recipe),
-        policy_name(policy),
+        policy_name(policy) if in_process or batch_wait is not None else isolate(policy_name(policy)),
         clock or "",
         episodes=episodes,
         seed=seed,

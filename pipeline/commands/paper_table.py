@@ -24,14 +24,14 @@ def paper_table(
     """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.paper import beside, differences, experiment
-    from pipeline.evaluate.policies import policy_name
+    from pipeline.evaluate.policies import isolate, policy_name
     from pipeline.run.evaluation import evaluation_of, runner
 
     found = experiment(name)
     cells = {"tasks": found.tasks, "levels": found.levels, "alpha": found.alpha, "embodiments": "aloha"}
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(recipe, setup, policy_name(policy), clock or "", episodes=episodes)
+    wanted = evaluation_of(recipe, setup, isolate(policy_name(policy)), clock or "", episodes=episodes)
     means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
     rows = beside(found, means)
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])

@@ -21,6 +21,7 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policies import make_policy
 from pipeline.evaluate.policy import (
+    Gone,
     NoAnswer,
     Observation,
     Policy,
@@ -30,6 +31,7 @@ from pipeline.evaluate.policy import (
     Start,
     attribute,
     chunk_of,
+    count_inferences,
     line_of,
 )
 from pipeline.evaluate.policy_contract import check_contract
@@ -42,8 +44,8 @@ ANSWERS = 10
 """All answers of an episode together may take this many times as long as one."""
 
 
-class Late(NoAnswer):
-    """The time limit passed. The policy was interrupted anywhere, so that it must be made again."""
+class Late(Gone):
+    """The time limit passed. The policy was interrupted anywhere."""
 
 
 class _Alarm(BaseException):
@@ -89,14 +91,6 @@ def time_limit(seconds: float) -> Iterator[None]:
         raise Late(f"no answer in {seconds:.3g} s")
 
 
-def _count_calls(policy: Policy) -> int | None:
-    """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
-    count: object = attribute(policy, "inferences")
-    if isinstance(count, bool) or not isinstance(count, int | np.integer):
-        return None
-    return int(count) if count >= 0 else None
-
-
 class Asked:
     """A policy in one episode. One answer may take `seconds`, all together ANSWERS times that; `count` are the answers so far,
     `inferences` those that its network ran for: the first one, and all of them if the policy does not count.
@@ -133,9 +127,9 @@ class Asked:
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
         """The next chunk (H,A) of actions with `length` numbers. Raises ActionError or NoAnswer."""
         with self._translate_errors():
-            before = _count_calls(self.policy)
+            before = count_inferences(self.policy)
             chunk = chunk_of(self.policy.act(observation), length)
-            after = _count_calls(self.policy)
+            after = count_inferences(self.policy)
         self.inferences += self.count == 0 or after is None or after != before
         self.count += 1
         return chunk
@@ -146,7 +140,7 @@ class Asked:
         try:
             with time_limit(max(0.001, min(self._seconds, self._left))):
                 yield
-        except Late:
+        except Gone:
             self._discard()
             raise
         except (ActionError, NoAnswer, KeyboardInterrupt):
