@@ -34,7 +34,7 @@ class Channel(Protocol):
         """Send a message and wait for the answer. Raises Lost if the connection has ended."""
         ...
 
-    def receive(self, seconds: float) -> dict[Any, Any]:
+    def receive(self, seconds: float, /) -> dict[Any, Any]:
         """The next message."""
         ...
 

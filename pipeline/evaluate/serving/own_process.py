@@ -75,7 +75,7 @@ class _Pipe:
                 start_new_session=True,
             )
         self._process, self._connection = process, Connection(ours.detach())
-        self.close = weakref.finalize(self, _end, process, self._connection)
+        self._finalizer = weakref.finalize(self, _end, process, self._connection)
 
     def ask(self, message: Mapping[str, Any]) -> dict[Any, Any]:
         """Send a message and wait for the answer. Raises Ended if the process ends, ActionError for bytes that are no message."""
@@ -85,7 +85,11 @@ class _Pipe:
             raise self._describe_end() from error
         return self.receive()
 
-    def receive(self, _seconds: float = 0.0) -> dict[Any, Any]:
+    def close(self) -> None:
+        """End the process, and those that it has started."""
+        self._finalizer()
+
+    def receive(self, _seconds: float = 0.0, /) -> dict[Any, Any]:
         """The next message, however long it takes. Raises as `ask`."""
         try:
             return unpack(self._connection.recv_bytes(LARGEST))
