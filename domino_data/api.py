@@ -99,10 +99,10 @@ def evaluate(
     """
     from pipeline.evaluate.case import blind, setup_of
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policies import in_process, policy_name
+    from pipeline.evaluate.policies import in_process, isolate, policy_name
     from pipeline.run.evaluation import evaluation_of, runner
 
-    name = in_process(policy) if callable(policy) else policy_name(str(policy))
+    name = in_process(policy) if callable(policy) else isolate(policy_name(str(policy)))
     pool, cells = _pool(1 if callable(policy) else workers), _recipe(recipe)
     wanted = evaluation_of(cells, blind(cells) if setup is None else setup_of(setup), name, clock, episodes=episodes, seed=seed)
     return run_evaluation(wanted, Path(out), runner(pool))

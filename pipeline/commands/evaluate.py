@@ -45,6 +45,10 @@ def evaluate(
             min=0, max=60_000, help="Load a BatchPolicy once for all workers; a batch waits this many ms for more questions."
         ),
     ] = None,
+    in_process: Annotated[
+        bool,
+        typer.Option(help="Run the policy in the evaluator's process, where a debugger reaches it and it could change its score."),
+    ] = False,
     manifests: Annotated[Path | None, typer.Option(help="Directory of admitted seeds to share; OUT/manifests by default.")] = None,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -56,7 +60,7 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policies import policy_name
+    from pipeline.evaluate.policies import isolate, policy_name
     from pipeline.evaluate.policy import staying
     from pipeline.evaluate.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
@@ -67,7 +71,7 @@ def evaluate(
     wanted = evaluation_of(
         recipe,
         _images_setup(given, recipe),
-        policy_name(policy),
+        policy_name(policy) if in_process or batch_wait is not None else isolate(policy_name(policy)),
         clock or "",
         episodes=episodes,
         seed=seed,
@@ -165,14 +169,14 @@ def paper_table(
     """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
     from pipeline.evaluate.paper import beside, differences, experiment
-    from pipeline.evaluate.policies import policy_name
+    from pipeline.evaluate.policies import isolate, policy_name
     from pipeline.run.evaluation import evaluation_of, runner
 
     found = experiment(name)
     cells = {"tasks": found.tasks, "levels": found.levels, "alpha": found.alpha, "embodiments": "aloha"}
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(recipe, setup, policy_name(policy), clock or "", episodes=episodes)
+    wanted = evaluation_of(recipe, setup, isolate(policy_name(policy)), clock or "", episodes=episodes)
     means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
     rows = beside(found, means)
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])

@@ -4,23 +4,21 @@ ActionError: it answered with something that is no action. NoAnswer: it raised a
 program, or ran out of time. What keeps a policy from being tried at all (no server, another robot) stays a PolicyError.
 """
 
-import signal
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
-from types import FrameType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
+from pipeline.data.time_limit import time_limit
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policies import make_policy
 from pipeline.evaluate.policy import (
+    Gone,
     NoAnswer,
     Observation,
     Policy,
@@ -30,6 +28,7 @@ from pipeline.evaluate.policy import (
     Start,
     attribute,
     chunk_of,
+    count_inferences,
     line_of,
 )
 from pipeline.evaluate.policy_contract import check_contract
@@ -42,12 +41,8 @@ ANSWERS = 10
 """All answers of an episode together may take this many times as long as one."""
 
 
-class Late(NoAnswer):
-    """The time limit passed. The policy was interrupted anywhere, so that it must be made again."""
-
-
-class _Alarm(BaseException):
-    """Interrupts a policy; no `except Exception` of its own stops it."""
+class Late(Gone):
+    """The time limit passed. The policy was interrupted anywhere."""
 
 
 @lru_cache(maxsize=1)
@@ -56,45 +51,8 @@ def load_once(name: PolicyName) -> Policy:
     return make_policy(name)
 
 
-@contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
-    """Raises Late for a block that takes longer.
-
-    In the main thread the block is interrupted, where it waits or between two of its Python instructions. Elsewhere, and in native
-    code, the error is raised when the block ends.
-    """
-    began, in_main = time.monotonic(), threading.current_thread() is threading.main_thread()
-
-    def late(_signal: int, _frame: FrameType | None) -> None:
-        raise _Alarm
-
-    before: Any = None
-    if in_main:
-        before = signal.signal(signal.SIGALRM, late)
-        # again every second, should the policy catch it
-        signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
-    try:
-        try:
-            yield
-        finally:
-            if in_main:
-                signal.setitimer(signal.ITIMER_REAL, 0)
-    except _Alarm:
-        raise Late(f"no answer in {seconds:.3g} s") from None
-    finally:
-        if in_main:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
-    if time.monotonic() - began > seconds:
-        raise Late(f"no answer in {seconds:.3g} s")
-
-
-def _count_calls(policy: Policy) -> int | None:
-    """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
-    count: object = attribute(policy, "inferences")
-    if isinstance(count, bool) or not isinstance(count, int | np.integer):
-        return None
-    return int(count) if count >= 0 else None
+def _late_after(seconds: float) -> AbstractContextManager[None]:
+    return time_limit(seconds, Late(f"no answer in {seconds:.3g} s"))
 
 
 class Asked:
@@ -133,9 +91,9 @@ class Asked:
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
         """The next chunk (H,A) of actions with `length` numbers. Raises ActionError or NoAnswer."""
         with self._translate_errors():
-            before = _count_calls(self.policy)
+            before = count_inferences(self.policy)
             chunk = chunk_of(self.policy.act(observation), length)
-            after = _count_calls(self.policy)
+            after = count_inferences(self.policy)
         self.inferences += self.count == 0 or after is None or after != before
         self.count += 1
         return chunk
@@ -144,9 +102,9 @@ class Asked:
     def _translate_errors(self) -> Iterator[None]:
         began = time.monotonic()
         try:
-            with time_limit(max(0.001, min(self._seconds, self._left))):
+            with _late_after(max(0.001, min(self._seconds, self._left))):
                 yield
-        except Late:
+        except Gone:
             self._discard()
             raise
         except (ActionError, NoAnswer, KeyboardInterrupt):
@@ -162,7 +120,7 @@ class Asked:
         """Have the policy made again for the next episode, and end what it holds, such as a connection."""
         load_once.cache_clear()
         try:
-            with time_limit(self._seconds):
+            with _late_after(self._seconds):
                 if callable(close := attribute(self.policy, "close")):
                     close()
         except KeyboardInterrupt:

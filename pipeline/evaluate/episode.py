@@ -47,7 +47,7 @@ class EpisodeJob:
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes this episode another one than the others in a file of results."""
-        options: tuple[Any, ...] = (self.setup.given(), self.split, self.compounding)
+        options: tuple[Any, ...] = (self.setup.given(), self.split, self.compounding, self.policy.process)
         if self.answer_seconds != ANSWER_SECONDS:
             options = (*options, f"{self.answer_seconds:g} s")
         return (self.code, self.policy.label, self.clock.name, self.case.spec.to_json(), self.case.digest, options)
@@ -100,6 +100,7 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
     row = {
         "policy": job.policy.label,
         "probe": job.policy.probe,
+        "process": job.policy.process,
         "clock": job.clock.name,
         "rules": job.setup.label,
         **cell,

@@ -46,7 +46,7 @@ def drive_overlapped(trial: Trial, ask: Question, join: Join) -> None:
         if done < min(length, max(1, length // 2)):
             left, done = _advance(trial, left), done + 1
             continue
-        chunk, delay = ask(left[:wait])
+        chunk, delay = ask(left[:wait].copy())  # a policy may change what it is given
         wait = _periods(delay, trial.fps)
         for _ in range(wait):
             if trial.ending:

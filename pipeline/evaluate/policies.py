@@ -5,6 +5,7 @@ distributions announce in the entry points GROUP add to both registries; they ar
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
@@ -24,6 +25,7 @@ from pipeline.evaluate.reference import Chaser, Interceptor, Random, Replay, Sta
 from pipeline.evaluate.serving import groot, openpi, starvla
 from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
 from pipeline.evaluate.serving.form import ServerForm
+from pipeline.evaluate.serving.own_process import OwnProcess
 from pipeline.evaluate.serving.probe import probe_policy
 from pipeline.registry import Registry
 
@@ -53,6 +55,9 @@ FORMS = Registry[Form]("kind of policy")
 
 PROBED = ("openpi", "starvla", "gr00t")
 """Kinds of policies that are asked a question to tell them apart."""
+
+LOADED = ("robotwin", "xpolicylab", "lerobot", "ladder")
+"""Kinds of policies whose code is loaded on this machine."""
 
 for _name, _policy in (
     ("replay", Replay),
@@ -91,7 +96,7 @@ def policy_name(text: str) -> PolicyName:
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in FORMS:
-        return FORMS[kind].name(text)
+        return replace(FORMS[kind].name(text), process="server" if kind in (*SCHEMES, *PROBED) else "evaluator")
     if text.endswith(".py"):
         return PolicyName(str(Path(text).resolve()), f"{Path(text).name}@{digest_of([Path(text)])}")
     if kind not in POLICIES:
@@ -122,6 +127,12 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
     return PolicyName(text, label)
 
 
+def isolate(name: PolicyName) -> PolicyName:
+    """The same policy in a process of its own, if its code is that of a file or of a form in LOADED; else the name unchanged."""
+    loaded = name.text.endswith(".py") or name.text.partition(":")[0] in LOADED
+    return replace(name, process="own") if loaded else name
+
+
 def identify(name: PolicyName, start: Start) -> PolicyName:
     """The name of a policy, with a probe if its port does not name what it serves; other names are unchanged.
 
@@ -141,6 +152,8 @@ def make_policy(name: PolicyName) -> Policy:
 
 
 def _make(name: PolicyName) -> Policy:
+    if name.process == "own":
+        return OwnProcess(name)
     load_entry_points()
     kind = name.text.partition(":")[0]
     if kind in FORMS:

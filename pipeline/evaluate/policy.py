@@ -28,6 +28,9 @@ from pipeline.evaluate.actions import ActionError, check_action
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.trial import Trial
 
+PROCESSES = ("evaluator", "own", "server")
+"""Where a policy runs: with the simulation and its judge, in a process of its own that only messages reach, on a server."""
+
 LONGEST_CHUNK = 1000
 """Actions that one answer may hold."""
 
@@ -38,6 +41,10 @@ class PolicyError(DominoError):
 
 class NoAnswer(PolicyError):
     """A policy that was ready and gave no answer: an error of its own, a lost connection, a time limit."""
+
+
+class Gone(NoAnswer):
+    """A policy that can answer nothing more: it must be made again."""
 
 
 @dataclass(frozen=True)
@@ -138,11 +145,12 @@ class SeesTruth(Protocol):
 @dataclass(frozen=True)
 class PolicyName:
     """How a policy was asked for. `label` names it in results: a file carries a hash of its text. `probe` is a hash of how a server
-    answers a fixed question, "" for other policies."""
+    answers a fixed question, "" for other policies. `process` is one of PROCESSES."""
 
     text: str
     label: str
     probe: str = ""
+    process: str = "evaluator"
 
 
 def line_of(error: BaseException) -> str:
@@ -169,6 +177,14 @@ def foreign(what: str) -> Iterator[None]:
         raise
     except BaseException as error:
         raise PolicyError(f"{what}: {line_of(error)}") from error
+
+
+def count_inferences(policy: object) -> int | None:
+    """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
+    count: object = attribute(policy, "inferences")
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        return None
+    return int(count) if count >= 0 else None
 
 
 @contextmanager

@@ -52,6 +52,7 @@ def numbers(rows: Sequence[Row]) -> Row:
         "faults": dict(Counter(row["fault"] for row in rows if row.get("fault")).most_common(MOST_FAULTS)),
         "other_start": sum(not row["same_start"] for row in rows),
         "sees_truth": any(row["sees_truth"] for row in rows),
+        "process": _processes(rows),
     }
 
 
@@ -75,9 +76,15 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
         intervals["success_rate_interval"] = [100 * x for x in wilson(rate * effective, effective)]
         head = dict(zip((*by, "category"), key, strict=True))
         counts = {"tasks": len(tasks), "episodes": sum(map(len, tasks.values()))}
-        truth = {"sees_truth": any(row["sees_truth"] for group in tasks.values() for row in group)}
+        every = [row for group in tasks.values() for row in group]
+        truth = {"sees_truth": any(row["sees_truth"] for row in every), "process": _processes(every)}
         out.append(head | counts | truth | means | intervals)
     return out
+
+
+def _processes(rows: Sequence[Row]) -> str:
+    """Where the policy ran (PROCESSES of policy.py); all places if they differ."""
+    return ", ".join(sorted({row.get("process", "evaluator") for row in rows}))
 
 
 MEANS = {"success_rate": "success", "route_completion": "route_completion", "manipulation_score": "manipulation_score"}

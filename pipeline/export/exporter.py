@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -89,7 +89,12 @@ class Exporter[O](ABC):
     @contextmanager
     def draft(self, job: Job[O]) -> Iterator[Draft]:
         """A temporary directory, and what the export at `job.out` lends it; it becomes `job.out` when the block ends well and
-        vanishes when it does not. Raises ExportError as `common.stage_directory`."""
+        vanishes when it does not. Raises ExportError as `common.stage_directory`, and for an export of another format there."""
+        found: object = self.name
+        with suppress(ExportError):  # a damaged export is replaced
+            found = read_summary(job.out).get("format", self.name)
+        if found != self.name:
+            raise ExportError(f"{job.out}: holds an export in the format {str(found)[:40]}: remove it or name another directory")
         with stage_directory(job.out, job.dataset) as folder:
             options = asdict(job.options)  # pyright: ignore[reportArgumentType]
             draft = Draft(folder, job.out, {"format": self.name, "options": options})

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.findings import Finding, catch_errors
-from pipeline.data.recipe.model import Recipe
+from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.spec import EpisodeSpec
+from pipeline.run.own_tasks import check_task as check_declared
 from pipeline.run.reasons import reasons_of
 from pipeline.run.unreached import draw, find_unreached
 from pipeline.stages.attempt import Phases, Rollout, attempt
@@ -40,6 +41,10 @@ def check_task(
     """
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
+    try:
+        check_declared(TASKS[name], "check-task")
+    except RecipeError as error:
+        return [Finding("declared", False, str(error).partition(f"task {name}: ")[2])]
     findings = [*catch_errors("layout", author, lambda: _layouts(spec))]
     rollouts = dict[int, Rollout]()
     for level in levels:

@@ -19,7 +19,7 @@ from pipeline.motion.models import MODELS, levels_of
 from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Draw, expand_tasks
+from pipeline.tasks.contract import DOMINO, Draw, expand_tasks, suites
 from pipeline.tasks.layout import families_of
 from pipeline.tasks.needed_arms import can_do
 from pipeline.world.objects.contract import FAMILIES, stands_for
@@ -93,14 +93,25 @@ def drawn_families(recipe: Recipe) -> dict[str, frozenset[str]]:
 
 
 def with_originals(recipe: Recipe) -> Recipe:
-    """The recipe with the original's objects that its `assets` have; those that its `objects` name stay. Raises RecipeError."""
+    """The recipe with the original's objects that its `assets` have; those that its `objects` name stay.
+
+    Raises RecipeError for an object that cannot be read, unless the whole suite `domino` is asked for: a line names those then.
+    """
     if recipe.assets is None:
         return recipe
     from pipeline.run.objects.originals import provide  # trimesh takes a second
 
     found = provide(recipe.assets, drawn_families(recipe))
-    for note in found.notes:
+    for note in found.ungraspable:
         print(f"domino-data: assets: not used: {note}", file=sys.stderr)
+    if count := len(found.unreadable):
+        if not set(suites()[DOMINO]) <= set(recipe.tasks):
+            more = f" ({count - 1} more cannot be read)" if count > 1 else ""
+            raise RecipeError(
+                f"assets: {found.unreadable[0]}{more}: repair it, or move its model_data file away to build without it"
+            )
+        left_out = "; ".join(found.unreadable)
+        print(f"domino-data: assets: objects left out because they cannot be read: {count}: {left_out}", file=sys.stderr)
     return recipe.model_copy(update={"assets": found.assets, "objects": {**found.objects, **recipe.objects}})
 
 
@@ -108,7 +119,9 @@ def add_originals(recipe: Recipe) -> None:
     """Add the original's objects that a stored recipe names, where this process lacks them. Raises RecipeError."""
     named = {name for names in recipe.objects.values() for name in names}
     if recipe.assets is not None and named - set(FAMILIES) and not set(recipe.tasks) - set(TASKS):
-        with_originals(recipe)
+        from pipeline.run.objects.originals import provide  # trimesh takes a second
+
+        provide(recipe.assets, drawn_families(recipe))
 
 
 def installed_recipe(dataset: Dataset) -> Recipe:

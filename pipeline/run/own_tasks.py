@@ -1,12 +1,16 @@
 """Whether a task from outside the package declares what a build needs, found before anything is written."""
 
+import contextlib
 import traceback
+from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
 from pipeline.data.episode.meta import Category
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import RecipeError
+from pipeline.data.time_limit import time_limit
 from pipeline.motion.models import MODELS
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks import TASKS, Task
@@ -16,6 +20,9 @@ from pipeline.tasks.layout import families_of
 CATEGORIES = get_args(Category.__value__)
 MOST_STEPS = 10_000
 """Control periods of an episode that a task may ask for."""
+
+LAYOUT_SECONDS = 20.0
+"""What the trial layouts of a task, which take less than a second, may take."""
 
 ALL = "all"
 """The word that `tasks:` reads as the suite `domino`, which holds no task of anybody else."""
@@ -30,12 +37,15 @@ def check_task(task: Task, source: str) -> None:
     where = f"{source}: task {task.name}:"
     if fault := _fault(task):
         raise RecipeError(f"{where} {fault}")
+    late = TimeoutError()
     try:
-        families_of(task)
+        with time_limit(LAYOUT_SECONDS, late):
+            families_of(task)
     except Exception as error:  # a task is a user's code, which may raise anything
-        raise RecipeError(
-            f"{where} its layout raised {type(error).__name__}: {' '.join(str(error).split())}{_line_of(error)}"
-        ) from error
+        what = f"raised {type(error).__name__}: {' '.join(str(error).split())}"
+        if error is late:
+            what = f"does not end within {LAYOUT_SECONDS:g} s: check its loops"
+        raise RecipeError(f"{where} its layout {what}{_line_of(error)}") from error
 
 
 def _fault(task: Task) -> str | None:
@@ -44,6 +54,11 @@ def _fault(task: Task) -> str | None:
     def unlike(name: str, kind: str) -> str:
         return f"{name} is {show_value(getattr(task, name, None))}, which is not {kind}"
 
+    known = {name for name in dir(Task) if not name.startswith("_")} | Task.__annotations__.keys()
+    own = set(_own_names(task))
+    for name in sorted(own - known):
+        if close := get_close_matches(name, known - own, 1, 0.8):
+            return f"has no attribute {name}: write {close[0]}, or _{name} for a name of your own"
     if getattr(task, "category", None) not in CATEGORIES:
         return unlike("category", f"one of {', '.join(CATEGORIES)}")
     if not isinstance(getattr(task, "target", None), str) or not task.target:
@@ -67,11 +82,19 @@ def _fault(task: Task) -> str | None:
     return None
 
 
+def _own_names(task: Task) -> Iterator[str]:
+    """The public names that the class of a task and its bases outside the package define."""
+    for each in type(task).__mro__:
+        if not each.__module__.startswith("pipeline."):
+            yield from (name for name in vars(each) if not name.startswith("_"))
+
+
 def _ships(task: Task) -> bool:
     return type(task).__module__.startswith("pipeline.")
 
 
 def _line_of(error: Exception) -> str:
     """The first line outside the package that an error passed, as text."""
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not Path(frame.filename).is_relative_to(PACKAGE)]
-    return f" ({Path(frames[0].filename).name}, line {frames[0].lineno})" if frames else ""
+    files = [(Path(frame.filename), frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    outside = [each for each in files if not each[0].is_relative_to(PACKAGE) and each[0] != Path(contextlib.__file__)]
+    return f" ({outside[0][0].name}, line {outside[0][1]})" if outside else ""

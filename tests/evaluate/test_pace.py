@@ -31,6 +31,7 @@ class World:
         def ask(committed):
             number, now = len(self.asked), len(self.done)
             self.asked.append((now, committed[:, 0].round().tolist()))
+            committed[:] = -1  # what is being executed already cannot be changed
             return now + np.arange(length)[:, None] + number / 1000, delays[number % len(delays)] / FPS
 
         return ask

@@ -173,6 +173,15 @@ def test_what_is_no_export_is_not_replaced(dataset):
     assert (out / SUMMARY).exists()
 
 
+def test_an_export_of_another_format_is_not_replaced(dataset):
+    out = dataset / "x"
+    out.mkdir()
+    (out / SUMMARY).write_text('{"format": "aloha", "contents": ["export.json"]}')
+    with pytest.raises(ExportError, match=f"^{out}: holds an export in the format aloha: remove it or name another directory$"):
+        run("parquet", dataset, out, episodes_of(dataset))
+    assert [path.name for path in out.iterdir()] == [SUMMARY]
+
+
 def _truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
@@ -293,12 +302,12 @@ def test_a_file_of_somebody_else_in_an_export_is_named_and_kept(dataset, tmp_pat
 )
 def test_caches_of_consumers_are_dropped_by_the_next_export(dataset, tmp_path, name):
     out, paths = tmp_path / "parquet", sorted(dataset.glob("episodes/**/*.hdf5"))
-    run("parquet", dataset, out, paths)
+    run("parquet", dataset, out, episodes_of(dataset))
     before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
     (out / name).parent.mkdir(parents=True, exist_ok=True)
     (out / name).write_text("of an older export")
     assert foreign_files(out) == [] and check_exports(dataset, out, "parquet", paths) == []
-    run("parquet", dataset, out, paths)
+    run("parquet", dataset, out, episodes_of(dataset))
     assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
 
 

@@ -5,7 +5,7 @@ import pytest
 from pipeline.data.recipe.model import RecipeError
 from pipeline.run.own_tasks import check_task
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Task
+from pipeline.tasks.contract import Draw, Task
 
 
 def own(**attributes: Any) -> Task:
@@ -17,8 +17,14 @@ def raising(self: Task, draw: object) -> None:
     raise ZeroDivisionError("division by zero")
 
 
+def endless(self: Task, draw: Draw) -> None:
+    while draw.uniform(0, 1) < 2:
+        pass
+
+
 def test_a_sound_task_and_those_of_the_package_pass():
     check_task(own(), "recipe")
+    check_task(own(height=0.1, arm=lambda self: "left", arms=lambda self, bodies: {"arm": "left"}), "recipe")
     for name in ("click_bell", "handover_block"):
         check_task(TASKS[name], "recipe")
 
@@ -42,9 +48,16 @@ def test_a_sound_task_and_those_of_the_package_pass():
         ({"workspace": (0, 1, 0, 1)}, "which is not a Workspace"),
         ({"layout": raising}, "its layout raised ZeroDivisionError: division by zero (test_own_tasks.py, line 17)"),
         ({"layout": lambda self, draw: [draw.one_of("bel")]}, "its layout raised"),
+        (
+            {"layout": endless},
+            "its layout does not end within 0.2 s: check its loops (test_own_tasks.py, line ",
+        ),
+        ({"step_limits": 800}, "has no attribute step_limits: write step_limit, or _step_limits for a name of your own"),
+        ({"finsh": lambda self, a: ()}, "has no attribute finsh: write finish, or _finsh for a name of your own"),
     ],
 )
-def test_what_is_wrong_is_one_line_that_names_the_task(attributes, message):
+def test_what_is_wrong_is_one_line_that_names_the_task(attributes, message, monkeypatch):
+    monkeypatch.setattr("pipeline.run.own_tasks.LAYOUT_SECONDS", 0.2 if attributes.get("layout") is endless else 20.0)
     with pytest.raises(RecipeError) as error:
         check_task(own(**attributes), "recipe")
     assert str(error.value).startswith("recipe: task own: ") and message in str(error.value) and "\n" not in str(error.value)

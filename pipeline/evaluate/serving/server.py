@@ -146,7 +146,7 @@ class PolicyServer:
             return
         policy = None
         try:
-            policy = self._free.pop() if self._free else await asyncio.to_thread(_call_policy, self._make)
+            policy = self._free.pop() if self._free else await asyncio.to_thread(call_policy, self._make)
             await self._talk(connection, self._language.session(policy))
         except (ConnectionClosed, TimeoutError):
             return
@@ -171,11 +171,11 @@ class PolicyServer:
                 return
             seconds = self._limits.idle_seconds
             try:
-                answer = await asyncio.to_thread(_call_policy, lambda data=data: self._answer(session, data))
+                answer = await asyncio.to_thread(call_policy, lambda data=data: self._answer(session, data))
             except WireError as error:
                 return await self._end(connection, str(error), BAD_MESSAGE)
             except DominoError as error:
-                return await self._end(connection, str(error), FAILED, _fault(error))
+                return await self._end(connection, str(error), FAILED, fault_of(error))
             await self._send(connection, answer)
 
     def _answer(self, session: Session, data: bytes | str) -> bytes:
@@ -198,12 +198,12 @@ class PolicyServer:
             return
 
 
-def _fault(error: DominoError) -> str:
+def fault_of(error: DominoError) -> str:
     """How an episode ends by an error of its policy; "" for a refusal."""
     return {ActionError: INVALID_ACTION, NoAnswer: NO_ANSWER}.get(type(error), "")
 
 
-def _call_policy[R](work: Callable[[], R]) -> R:
+def call_policy[R](work: Callable[[], R]) -> R:
     """What the work returns. Raises NoAnswer for any error of a policy's code, so that it ends its client and not the server."""
     try:
         return work()

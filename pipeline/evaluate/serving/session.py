@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, Start, chunk_of
+from pipeline.evaluate.policy import Observation, Policy, PolicyError, Start, chunk_of, count_inferences
 from pipeline.evaluate.policy_contract import Contract, Served, declared, difference, mismatch, plain
 from pipeline.evaluate.serving.wire import WireError, pack
 
@@ -91,8 +91,8 @@ class DominoSession:
                 self._reset(message)
                 return {"type": "ready"}
             case "act":
-                actions, inferences = self._act(message), getattr(self._policy, "inferences", None)
-                counted = {} if inferences is None else {"inferences": int(inferences)}
+                actions, inferences = self._act(message), count_inferences(self._policy)
+                counted = {} if inferences is None else {"inferences": inferences}
                 return {"type": "actions", "actions": actions, **counted}
             case other:
                 raise WireError(f"message type {str(other)[:40]!r} is unknown: send hello, reset or act")

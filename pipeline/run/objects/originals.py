@@ -26,6 +26,7 @@ from pipeline.world.objects.from_files import TOML, ObjectError, add_all
 
 SCHEME = "robotwin:"
 REFUSED = "refused.txt"
+NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a hand"
 
 
 class Model(NamedTuple):
@@ -72,11 +73,13 @@ class _Wanted:
 
 @dataclass(frozen=True)
 class Found:
-    """Where they are, the objects by key of a recipe's `objects`, and a line for each instance that cannot be used."""
+    """Where they are, and the objects by key of a recipe's `objects`. A line names each instance that no hand can grasp, or that
+    cannot be read."""
 
     assets: str
     objects: Mapping[str, tuple[str, ...]]
-    notes: tuple[str, ...]
+    ungraspable: tuple[str, ...]
+    unreadable: tuple[str, ...]
 
 
 def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
@@ -90,21 +93,25 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
     wanted = [each for key in sorted(_keys(tasks)) for each in _instances(root, key)]
     if not wanted:
         raise RecipeError(f"assets: {root} holds no object for these tasks; name the directory assets/objects of RoboTwin")
-    objects, places, notes = dict[str, list[str]](), dict[str, Path](), dict[str, str]()
+    objects, places = dict[str, list[str]](), dict[str, Path]()
+    ungraspable, unreadable = dict[str, str](), dict[str, str]()
     for each in tqdm(wanted, desc="objects of RoboTwin-OD", disable=None, leave=False):
         place = _make_object(each, cache / "items")
         if (place / TOML).is_file():
             objects.setdefault(each.key, []).append(each.name)
             places[each.name] = place
         else:
-            notes[each.name] = f"{each.model.directory} {each.files.number or 0}: {(place / REFUSED).read_text()}"
+            why = (place / REFUSED).read_text()
+            refused = ungraspable if why == NO_GRASP else unreadable
+            refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
     plugins = cache / "sets" / digest([[name, str(place)] for name, place in sorted(places.items())])
     (plugins / "objects").mkdir(parents=True, exist_ok=True)
     for name, place in places.items():
         _link(plugins / "objects" / name, place)
     add_all(plugins / "objects")
     use_plugins([str(plugins)])
-    return Found(f"{SCHEME}{root.absolute()}", {key: tuple(names) for key, names in objects.items()}, tuple(notes.values()))
+    found = {key: tuple(names) for key, names in objects.items()}
+    return Found(f"{SCHEME}{root.absolute()}", found, tuple(ungraspable.values()), tuple(unreadable.values()))
 
 
 def _root(assets: str) -> Path:
@@ -141,7 +148,7 @@ def _make_object(wanted: _Wanted, cache: Path) -> Path:
     try:
         draft = draft_of_instance(files, options, wanted.model.scale)
         if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
-            raise ObjectError("no grasp: it is too wide for two fingers, or there is no room for a hand")
+            raise ObjectError(NO_GRASP)
     except ObjectError as error:
         write_atomic(place / REFUSED, str(error).encode())
     else:

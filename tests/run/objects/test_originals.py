@@ -49,6 +49,21 @@ def test_each_task_has_the_instances_of_the_original(assets, capsys):
     assert resolve(found) == found
 
 
+def test_an_object_that_cannot_be_read_is_named(assets, tmp_path, capsys):
+    damaged = assets / "021_cup" / "visual" / "base0.glb"
+    damaged.write_bytes(damaged.read_bytes()[:200])
+    with pytest.raises(RecipeError) as error:
+        resolve(Recipe(tasks=("place_empty_cup",), assets=f"robotwin:{assets}"))
+    message = str(error.value)
+    assert message.startswith("assets: 021_cup 0: ") and "\n" not in message
+    assert message.endswith(": repair it, or move its model_data file away to build without it")
+    capsys.readouterr()
+    found = resolve(Recipe(tasks=("all",), assets=f"robotwin:{assets}"))
+    assert "place_empty_cup.cup" not in found.objects and "place_container_plate.cup" in found.objects
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "021_cup" in line)
+    assert line.startswith("domino-data: assets: objects left out because they cannot be read: 1: 021_cup 0: ")
+
+
 def forget(monkeypatch):
     """Make this process one that has not heard of the objects."""
     monkeypatch.setenv("DOMINO_PLUGINS", "")
