@@ -11,12 +11,13 @@ from pipeline.run.slot.worker_log import worker_log
 
 
 def test_a_log_of_what_went_well_is_removed(tmp_path, capfd):
+    path = tmp_path / "cell" / "a.log"
     print("before")
-    with worker_log(tmp_path / "cell" / "a.log") as log:
+    with worker_log(path):
         print("within")
         os.write(2, b"from a library\n")
         sys.stdout.flush()
-        assert log.path.read_text() == "within\nfrom a library\n"
+        assert path.read_text() == "within\nfrom a library\n"
     print("after")
     assert capfd.readouterr().out == "before\nafter\n"
     assert list(tmp_path.iterdir()) == []
