@@ -20,6 +20,7 @@ class Words(Protocol):
 
     def ids(self, texts: Sequence[str]) -> Tensor:
         """Ids (B,L) int64, PADDING behind the end of each sentence; L is a multiple of BUCKET."""
+        ...
 
 
 class HashedWords:
