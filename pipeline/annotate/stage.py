@@ -45,27 +45,34 @@ class Stage(Protocol):
     @property
     def name(self) -> str:
         """ "flow", "masks" or "features"."""
+        ...
 
     @property
     def version(self) -> int:
         """Raised by hand whenever the code would give other bytes for the same parameters and inputs."""
+        ...
 
     @property
     def camera(self) -> str:
         """The camera whose frames it reads."""
+        ...
 
     @property
     def uses_models(self) -> bool:
         """Whether `start` loads networks, so that a worker wants a share of a GPU."""
+        ...
 
     def parameters(self) -> dict[str, Any]:
         """Everything that decides the result besides the inputs, models' digests included, as plain JSON data."""
+        ...
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
         """Hash the inputs of one open episode. `decode` may be called while the file is open. Raises NotReady, AnnotateError."""
+        ...
 
     def start(self) -> Callable[[Any], Result]:
         """Load what is heavy, once per worker; the callable turns what `decode` gave into a result."""
+        ...
 
 
 def directory_of(stage: Stage) -> str:

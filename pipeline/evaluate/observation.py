@@ -46,9 +46,11 @@ class View(Protocol):
     @property
     def space(self) -> gymnasium.Space[Any]:
         """What the observations are in."""
+        ...
 
     def observe(self, trial: Trial, moment: Moment) -> Any:
         """The observation of the trial as it is now."""
+        ...
 
 
 class PolicyView:

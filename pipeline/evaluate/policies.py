@@ -45,9 +45,11 @@ class Form(Protocol):
 
     def name(self, text: str) -> PolicyName:
         """Check that the policy exists, without making it. Raises PolicyError."""
+        ...
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError if it cannot be made."""
+        ...
 
 
 FORMS = Registry[Form]("kind of policy")

@@ -94,9 +94,11 @@ class Policy(Protocol):
 
     def reset(self, start: Start) -> None:
         """An episode begins."""
+        ...
 
     def act(self, observation: Observation) -> ArrayLike:
         """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control period."""
+        ...
 
 
 class BatchPolicy(ABC):
@@ -140,6 +142,7 @@ class SeesTruth(Protocol):
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial that begins and its case; called after `reset`."""
+        ...
 
 
 @dataclass(frozen=True)

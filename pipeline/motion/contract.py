@@ -49,22 +49,28 @@ class TargetMotion(Protocol):
 
     def pose(self, t: ArrayLike) -> Array:
         """World pose (..., 7), m and wxyz, at times t (...,)."""
+        ...
 
     def twist(self, t: ArrayLike) -> Array:
         """Linear velocity (m/s), then angular velocity (rad/s), (..., 6) in the world frame, at times t (...,): after a breakpoint
         where t is one, zero before -lead."""
+        ...
 
     def breakpoints(self) -> Array:
         """Times (k,) strictly between start and meeting at which the velocity may jump."""
+        ...
 
     def features(self) -> Features:
         """Its speeds over [-lead, duration] and its displacement."""
+        ...
 
     def scenery(self) -> tuple[Prop, ...]:
         """What belongs to the motion and is seen: a belt, a disc, a hook."""
+        ...
 
     def to_json(self) -> str:
         """JSON text from which `motion_from_json` restores every float exactly."""
+        ...
 
 
 Visible = Callable[[Array], NDArray[np.bool_]]
@@ -167,18 +173,23 @@ class MotionModel(Protocol):
 
     def draw(self, asked: Request, streams: Streams) -> TargetMotion:
         """A motion that keeps the request. Raises NoMotion if none was found."""
+        ...
 
     def stand(self, asked: Request, streams: Streams) -> TargetMotion:
         """Level 0: the target stands at the end pose all the time, among the scenery of the model."""
+        ...
 
     def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
         """What must hold of a stored motion of this model."""
+        ...
 
     def describe(self, motion: TargetMotion) -> str:
         """One line for people."""
+        ...
 
     def read(self, values: Mapping[str, Any]) -> TargetMotion:
         """The motion of the JSON values that `TargetMotion.to_json` wrote. Raises ValueError for values that are none."""
+        ...
 
 
 def derived(motion: TargetMotion) -> Verdict:

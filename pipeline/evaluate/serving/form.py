@@ -13,9 +13,11 @@ class Client(Policy, Protocol):
 
     def greet(self) -> None:
         """Ask the server for a sign of life. Raises PolicyError."""
+        ...
 
     def close(self) -> None:
         """End the connection."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,11 @@ class Session(Protocol):
 
     def greeting(self) -> dict[str, Any]:
         """What the server sends first."""
+        ...
 
     def answer(self, message: dict[Any, Any]) -> dict[str, Any]:
         """The answer to a message. Raises WireError for one that cannot be answered, PolicyError if the policy refuses."""
+        ...
 
 
 class Language(Protocol):
@@ -45,9 +47,11 @@ class Language(Protocol):
 
     def session(self, policy: Policy) -> Session:
         """A policy behind this protocol."""
+        ...
 
     def error(self, reason: str, fault: str) -> bytes | str:
         """How the reason for ending a connection is sent; `fault` is one of FAULTS where the policy failed, else ""."""
+        ...
 
 
 @dataclass(frozen=True)
