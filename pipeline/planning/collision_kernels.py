@@ -52,20 +52,16 @@ def support(kind, size, first, last, points, t, p, dx, dy, dz):
     lx = t[p, 0] * dx + t[p, 3] * dy + t[p, 6] * dz
     ly = t[p, 1] * dx + t[p, 4] * dy + t[p, 7] * dz
     lz = t[p, 2] * dx + t[p, 5] * dy + t[p, 8] * dz
-    shape = kind[p]
+    shape, px, py = kind[p], 0.0, 0.0
+    pz = size[p, 2] if lz >= 0 else -size[p, 2]
     if shape == BOX:
         px = size[p, 0] if lx >= 0 else -size[p, 0]
         py = size[p, 1] if ly >= 0 else -size[p, 1]
-        pz = size[p, 2] if lz >= 0 else -size[p, 2]
     elif shape == CYLINDER:
         rim = np.sqrt(lx * lx + ly * ly)
         scale = size[p, 0] / rim if rim > 1e-12 else 0.0
         px, py = lx * scale, ly * scale
-        pz = size[p, 2] if lz >= 0 else -size[p, 2]
-    elif shape == SEGMENT:
-        px, py = 0.0, 0.0
-        pz = size[p, 2] if lz >= 0 else -size[p, 2]
-    else:
+    elif shape == POINTS:
         best, at = -np.inf, first[p]
         for k in range(first[p], last[p]):
             d = points[k, 0] * lx + points[k, 1] * ly + points[k, 2] * lz
@@ -230,18 +226,10 @@ def balls_far_apart(frames, frame, balls, a, b, margin):
     square = 0.0
     i, j = frame[a], frame[b]
     for c in range(3):
-        u = (
-            frames[i, 3 * c] * balls[a, 0]
-            + frames[i, 3 * c + 1] * balls[a, 1]
-            + frames[i, 3 * c + 2] * balls[a, 2]
-            + frames[i, 9 + c]
-        )
-        w = (
-            frames[j, 3 * c] * balls[b, 0]
-            + frames[j, 3 * c + 1] * balls[b, 1]
-            + frames[j, 3 * c + 2] * balls[b, 2]
-            + frames[j, 9 + c]
-        )
+        u, w = frames[i, 9 + c], frames[j, 9 + c]
+        for k in range(3):
+            u += frames[i, 3 * c + k] * balls[a, k]
+            w += frames[j, 3 * c + k] * balls[b, k]
         square += (u - w) * (u - w)
     far = balls[a, 3] + balls[b, 3] + margin
     return square > far * far

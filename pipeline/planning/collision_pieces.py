@@ -141,6 +141,3 @@ def bounding_ball(pieces: Pieces) -> Floats:
     centres = pieces.local[:, 9:]
     middle = 0.5 * ((centres - extent).min(axis=0) + (centres + extent).max(axis=0))
     return np.append(middle, (np.linalg.norm(centres - middle, axis=1) + extent[:, 0]).max())
-
-
-__all__ = ["Frames", "Pieces", "bounding_ball", "frames_of", "pieces_of", "transform_rows"]

@@ -100,18 +100,6 @@ def poses_of(pre, prismatic, tool, q):
 
 
 @njit(cache=True, error_model="numpy")
-def jacobian_of(pre, prismatic, tool, q):
-    """Geometric Jacobian (6,n) of the tool point in the world frame: linear rows, then angular rows."""
-    n = q.shape[0]
-    axes, origins, rotation, position = np.empty((n, 3)), np.empty((n, 3)), np.empty((3, 3)), np.empty(3)
-    forward(pre, prismatic, tool, q, axes, origins, rotation, position)
-    out = np.zeros((6, n))
-    for i in range(n):
-        column(axes[i], origins[i], position, prismatic[i], 1.0, out[:, i])
-    return out
-
-
-@njit(cache=True, error_model="numpy")
 def column(axis, origin, position, prismatic, weight, out):
     """Write one Jacobian column (6,); the angular part is scaled by `weight`."""
     if prismatic:

@@ -92,11 +92,6 @@ def fk_batch(chain: Chain, q: ArrayLike) -> Floats:
     return ik_kernels.poses_of(chain.pre, chain.prismatic, chain.tool, _rows(q))
 
 
-def jacobian(chain: Chain, q: ArrayLike) -> Floats:
-    """Geometric Jacobian (6,n) in the world frame at the tool point: linear velocity rows, then angular velocity rows."""
-    return ik_kernels.jacobian_of(chain.pre, chain.prismatic, chain.tool, np.ascontiguousarray(q, float))
-
-
 def ik_many(chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK) -> tuple[Floats, NDArray[np.bool_]]:
     """Joints (N,n) within the limits and success (N,) for world poses `targets` (N,7); rows without success are zero.
 
@@ -178,17 +173,3 @@ def z_onto(axis: Floats) -> Floats:
     out = np.eye(4)
     out[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
     return out
-
-
-__all__ = [
-    "Chain",
-    "chain_of",
-    "fk",
-    "fk_batch",
-    "ik_many",
-    "ik_path",
-    "jacobian",
-    "limit_margin",
-    "line_poses",
-    "z_onto",
-]

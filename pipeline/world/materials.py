@@ -113,11 +113,6 @@ def wrapped(kind: str, color: Color, seed: int, roughness: float, size: int = 12
     return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
 
 
-def cardboard(color: Color = "tan", seed: int | None = None) -> Material:
-    """Cardboard or paper; with faint fibres where a seed is given."""
-    return _textured("paint", color, seed, roughness=0.9)
-
-
 def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
     """Painted wood or plastic in use: rubbed edges, faint marks. For meshes whose sides each cover the uv square."""
     return printed(print_texture(color, "cream", "worn", seed=seed), roughness)

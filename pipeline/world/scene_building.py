@@ -20,7 +20,7 @@ from sapien.physx import (
 from pipeline.data.names import SIDES
 from pipeline.poses import Pose, compose, frame, inverse
 from pipeline.world.body import TABLE_COLLISION, Body
-from pipeline.world.robots.contract import Arm, jaw_positions
+from pipeline.world.robots.contract import Arm, Gripper, coupled_value, jaw_positions
 from pipeline.world.robots.urdf import arm_urdf
 from pipeline.world.shapes import Collider
 
@@ -44,6 +44,19 @@ class BuiltArm:
     active: list[PhysxArticulationJoint]
     joints: list[PhysxArticulationJoint]
     jaws: list[PhysxArticulationJoint]
+    gripper: Gripper
+
+    def drive(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+        """Set the drives of the next physics step: positions and velocities (n+1,) of the joints, then the gripper (0-1, 1/s)."""
+        for joint, position, speed in zip(self.joints, command[:-1], velocity[:-1], strict=True):
+            joint.set_drive_target(position)
+            joint.set_drive_velocity_target(speed)
+        closed, opened = self.gripper.closed, self.gripper.opened
+        value = command[-1] if len(closed) <= 2 else coupled_value(self.gripper, self.jaw_positions(), command[-1])
+        for k, jaw in enumerate(self.jaws):
+            jaw.set_drive_target(closed[k] + value * (opened[k] - closed[k]))
+            jaw.set_drive_velocity_target(velocity[-1] * (opened[k] - closed[k]))
+        self.robot.set_qf(self.robot.compute_passive_force())
 
     def jaw_positions(self) -> NDArray[np.float64]:
         """Measured positions (J,) of the jaws, m or rad."""
@@ -120,7 +133,7 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
         zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True)
     )
     robot.set_qpos(np.array([qpos[j.name] for j in active]))
-    return BuiltArm(robot, active, [by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints])
+    return BuiltArm(robot, active, [by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints], arm.gripper)
 
 
 def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:

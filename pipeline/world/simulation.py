@@ -6,65 +6,29 @@ commands produce the same bytes. No renderer is ever opened here.
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import sapien
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
 from pipeline.motion.company import others_of
-from pipeline.motion.scenery import Prop
 from pipeline.poses import Pose, compose, inverse, quat_rotate
 from pipeline.world.body import BORNE, TABLE_TOP, Body
+from pipeline.world.contacts import Pair, points_on, pushes, touching_pairs
 from pipeline.world.drive import AfterTouch, Drive, Hold
-from pipeline.world.robots.contract import Embodiment, coupled_value
+from pipeline.world.robots.contract import Embodiment
 from pipeline.world.scene_building import add_arm, add_body, add_slide, add_table, physical, rigid_of, to_sapien
+from pipeline.world.target_motion import Motion, Standing
 
-_TOUCH_IMPULSE = 1e-7  # N s; SAPIEN lists near pairs with zero impulse before they touch
 _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock starts
-
-
-class Motion(Protocol):
-    """What moves the target: a TargetMotion of motion/contract.py, or something that wraps one."""
-
-    def pose(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Poses (..., 7) at times t (...) in s."""
-        ...
-
-    def twist(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Linear (m/s) and angular (rad/s) velocities (..., 6) at times t (...)."""
-        ...
-
-    def scenery(self) -> tuple[Prop, ...]:
-        """What belongs to the motion and is seen."""
-        ...
 
 
 def _array(p: sapien.Pose) -> Pose:
     return np.array(p.__getstate__())  # the seven numbers x, y, z, w, x, y, z; several times faster than reading p and q
-
-
-def _pushes(contact: Any) -> bool:
-    return any(np.dot(p.impulse, p.impulse) > _TOUCH_IMPULSE**2 for p in contact.points)
-
-
-class _Standing:
-    """A motion that stands still at a pose."""
-
-    def __init__(self, pose: Pose) -> None:
-        self._pose = pose
-
-    def pose(self, t: ArrayLike) -> NDArray[np.float64]:
-        return np.broadcast_to(self._pose, (*np.shape(t), 7))
-
-    def twist(self, t: ArrayLike) -> NDArray[np.float64]:
-        return np.zeros((*np.shape(t), 6))
-
-    def scenery(self) -> tuple[Prop, ...]:
-        return ()
 
 
 class Simulation:
@@ -104,10 +68,8 @@ class Simulation:
             if b.slide is not None:
                 add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
         self._arms = {side: add_arm(self._scene, side, arm) for side, arm in embodiment.arms.items()}
-        moved = self._dynamic(target)
-        moved.set_kinematic(True)
-        self._moved = moved
-        for name in self._beside:
+        self._moved = self._dynamic(target)
+        for name in (target, *self._beside):
             self._dynamic(name).set_kinematic(True)
         self._borne = next(b.borne for b in self.bodies if b.name == target)
         self._free = {b.name for b in self.bodies if not b.fixed and b.name != target}
@@ -169,20 +131,11 @@ class Simulation:
 
     def step(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """Advance one physics step with drive targets `command` and `velocity` (vector layout; gripper entries 0-1 and 1/s)."""
-        i = 0
-        for side in self._arms:
-            gripper, arm = self.embodiment.arms[side].gripper, self._arms[side]
-            for joint in arm.joints:
-                joint.set_drive_target(command[i])
-                joint.set_drive_velocity_target(velocity[i])
-                i += 1
-            closed, opened = gripper.closed, gripper.opened
-            value = command[i] if len(closed) <= 2 else coupled_value(gripper, arm.jaw_positions(), command[i])
-            for k, jaw in enumerate(arm.jaws):
-                jaw.set_drive_target(closed[k] + value * (opened[k] - closed[k]))
-                jaw.set_drive_velocity_target(velocity[i] * (opened[k] - closed[k]))
-            arm.robot.set_qf(arm.robot.compute_passive_force())
-            i += 1
+        first = 0
+        for arm in self._arms.values():
+            end = first + len(arm.joints) + 1
+            arm.drive(command[first:end], velocity[first:end])
+            first = end
         if self._drive is not None:
             now, later = self.motion.twist(np.array([self.steps, self.steps + 1]) / PHYSICS_HZ)
             self._drive.push(self._target_pose(self.steps), now, later)
@@ -215,7 +168,7 @@ class Simulation:
         The target waits at the start of its motion, the arms at home. Returns whether rest was reached.
         """
         command, still = self.home_vector(), np.zeros(len(self.command))
-        motion, self.motion, self._waiting = self.motion, _Standing(self.motion.pose(np.zeros(()))), True
+        motion, self.motion, self._waiting = self.motion, Standing(self.motion.pose(np.zeros(()))), True
         for n in range(PHYSICS_HZ):
             self.step(command, still)
             if n >= 12 and all(self.speed(name) < _QUIET for name in self._free):
@@ -236,11 +189,11 @@ class Simulation:
         for contact in contacts:
             a, b = contact.bodies
             for one, other in ((a, b), (b, a)):
-                if one is self._moved and not self.touched_by and other in self._touchers and _pushes(contact):
+                if one is self._moved and not self.touched_by and other in self._touchers and pushes(contact):
                     found.append(self._index[other])
-                if one in beside and other in self._touchers and _pushes(contact):
+                if one in beside and other in self._touchers and pushes(contact):
                     self._let_go(beside.pop(one))
-                if one in self._untouched and other not in self._harmless and _pushes(contact):
+                if one in self._untouched and other not in self._harmless and pushes(contact):
                     disturbed.add(self._untouched[one])
         for name in sorted(disturbed):
             self.events.append(Event("clutter_touched", self.time, name))
@@ -289,7 +242,7 @@ class Simulation:
 
     def _touching(self) -> set[str]:
         """Names of the links and bodies that push the target now."""
-        pairs = [contact.bodies for contact in self._scene.get_contacts() if self._moved in contact.bodies and _pushes(contact)]
+        pairs = [contact.bodies for contact in self._scene.get_contacts() if self._moved in contact.bodies and pushes(contact)]
         return {self.names[self._index[body]] for pair in pairs for body in pair if body in self._touchers}
 
     # --- reading --------------------------------------------------------------------------------------------------------
@@ -338,36 +291,9 @@ class Simulation:
 
     def target_contacts(self, sides: Collection[str] = SIDES) -> dict[str, NDArray[np.float64]]:
         """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; of `sides`, those that do."""
-        found: dict[str, list[list[float]]] = {}
-        for contact in self._scene.get_contacts():
-            a, b = contact.bodies
-            if a is not self._moved and b is not self._moved:
-                continue
-            side = self._side_of.get(b if a is self._moved else a)
-            if side is None or side not in sides or not _pushes(contact):
-                continue
-            points = [p.position.tolist() for p in contact.points if p.impulse.any()]
-            if points:
-                found.setdefault(side, []).extend(points)
-        return {side: np.array(sorted(points)) for side, points in sorted(found.items())}
+        side_of = {link: side for link, side in self._side_of.items() if side in sides}
+        return points_on(self._moved, side_of, self._scene.get_contacts())
 
-    def contacts(self) -> list[tuple[int, int, float, NDArray[np.float64], int]]:
-        """Touching pairs now, the floor left out: indices a < b into `names`, impulse in N s, mean contact point (3,), points."""
-        # A pair of bodies may touch with many pieces, and SAPIEN lists them in no fixed order: the strongest is the pair's contact.
-        # Plain floats: there are a dozen pairs with four points each, where numpy takes five times as long.
-        found: dict[tuple[int, int], tuple[float, tuple[float, ...], int]] = {}
-        for contact in self._scene.get_contacts():
-            first, second = contact.bodies
-            a, b = self._index.get(first), self._index.get(second)
-            if a is None or b is None:
-                continue
-            pushing = [(push, p) for p in contact.points if any(push := p.impulse.tolist())]
-            if not pushing:
-                continue
-            strength = math.hypot(*map(math.fsum, zip(*(push for push, _ in pushing), strict=True)))
-            pair = (a, b) if a < b else (b, a)
-            if strength > _TOUCH_IMPULSE and strength >= found.get(pair, (0.0,))[0]:
-                at = [p.position.tolist() for _, p in pushing]
-                mean = tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True))
-                found[pair] = max(found.get(pair, (0.0, (), 0)), (strength, mean, len(at)))
-        return [(a, b, impulse, np.array(point), n) for (a, b), (impulse, point, n) in sorted(found.items())]
+    def contacts(self) -> list[Pair]:
+        """Touching pairs now, the floor left out, in the order of `names`."""
+        return touching_pairs(self._index, self._scene.get_contacts())

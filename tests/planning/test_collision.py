@@ -10,7 +10,7 @@ from pipeline.data.names import SIDES
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import chain_of, fk
 from pipeline.poses import IDENTITY, Pose, compose, inverse, pose, quat_about, quat_multiply
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses, root_link
 from pipeline.world.shapes import Collider
@@ -127,7 +127,7 @@ def test_random_states_agree_with_brute_force(name: str, count: int) -> None:
     assert seen[True] > 0 and seen[False] > 0
 
 
-@pytest.mark.parametrize("name", sorted(EMBODIMENTS))
+@pytest.mark.parametrize("name", sorted(MODELS))
 def test_every_embodiment_is_free_at_home(name: str) -> None:
     e = get_embodiment(name)
     scene = CollisionWorld(e).with_objects()

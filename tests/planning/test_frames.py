@@ -9,7 +9,7 @@ from pipeline.planning.collision_kernels import place_frames
 from pipeline.planning.collision_pieces import frames_of
 from pipeline.planning.kinematics import chain_of, fk, z_onto
 from pipeline.poses import compose, from_matrix, quat_to_matrix
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import jaw_positions
 from pipeline.world.robots.forward import arm_poses
 from tests.planning.arms import pin_model
@@ -24,7 +24,7 @@ def test_a_joint_axis_becomes_the_z_axis_of_a_rotation(axis: tuple[float, float,
 
 
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("name", sorted(EMBODIMENTS))
+@pytest.mark.parametrize("name", sorted(MODELS))
 def test_tcp_collision_frames_and_link_poses_agree_with_pinocchio(name: str, side: str) -> None:
     arm = get_embodiment(name).arms[side]
     model, tcp = pin_model(arm)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.planning import ik_kernels
 from pipeline.planning.budgets import IK, IkBudget, LineSampling
 from pipeline.planning.kinematics import (
     Chain,
@@ -14,7 +15,6 @@ from pipeline.planning.kinematics import (
     fk_batch,
     ik_many,
     ik_path,
-    jacobian,
     limit_margin,
     line_poses,
 )
@@ -28,6 +28,16 @@ CHAINS = {name: chain_of(arm) for name, arm in ARMS.items()}
 @pytest.fixture(params=sorted(CHAINS))
 def chain(request: pytest.FixtureRequest) -> Chain:
     return CHAINS[request.param]
+
+
+def jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
+    """The Jacobian (6,n) that inverse kinematics descends along, from its kernels."""
+    axes, origins, rotation, position = np.empty((chain.dof, 3)), np.empty((chain.dof, 3)), np.empty((3, 3)), np.empty(3)
+    ik_kernels.forward(chain.pre, chain.prismatic, chain.tool, q, axes, origins, rotation, position)
+    out = np.zeros((6, chain.dof))
+    for i in range(chain.dof):
+        ik_kernels.column(axes[i], origins[i], position, chain.prismatic[i], 1.0, out[:, i])
+    return out
 
 
 def random_joints(chain: Chain, count: int, seed: int = 0) -> np.ndarray:

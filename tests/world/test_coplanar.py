@@ -6,7 +6,7 @@ import pytest
 from pipeline.data.names import SIDES
 from pipeline.poses import pose
 from pipeline.world.materials import plastic
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.room import box
 from tests.world.coplanar import coplanar
@@ -15,7 +15,7 @@ RED, BLUE = plastic("red"), plastic("blue")
 CUBE = box((0, 0, 0), (0.01, 0.01, 0.01))
 
 
-@pytest.mark.parametrize("name", sorted(EMBODIMENTS))
+@pytest.mark.parametrize("name", sorted(MODELS))
 def test_no_parts_of_a_robot_share_a_plane_at_any_opening(name: str) -> None:
     robot = get_embodiment(name)
     assert not coplanar([("furniture", robot.furniture)])

@@ -6,7 +6,7 @@ All functions return tuples of `Collider` in the body frame (metres, z up), read
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.poses import pose, quat_about, quat_from_matrix, quat_multiply
 from pipeline.world.shapes import Collider
@@ -67,6 +67,11 @@ def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
 def convex_collider(points: ArrayLike) -> Colliders:
     """The convex hull of `points` (N,3)."""
     return (Collider("convex", (), vertices=np.asarray(points, float)),)
+
+
+def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
+    """The convex hull of a prism over an outline (K,2) of (x, z), between y = -`half` and y = `half`."""
+    return convex_collider(np.concatenate([np.insert(outline, 1, y, axis=1) for y in (-half, half)]))
 
 
 def ring_of_boxes(radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None) -> Colliders:

@@ -4,7 +4,6 @@
 recipe that says `objects: {mug: [mug7]}` puts it where a layout asks for a mug.
 """
 
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,16 +11,17 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, Field
 from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.data.errors import DominoError
 from pipeline.data.names import is_name
-from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
+from pipeline.data.parsing import LARGEST_FILE
 from pipeline.poses import IDENTITY
 from pipeline.world.glb import read_glb
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, NamedFrames, Words, register
 from pipeline.world.shapes import Collider, Parts, Shape
+from pipeline.world.toml_file import Table, read_toml
 
 TOML, LOOKS, SOLID = "object.toml", "looks.glb", "solid.obj"
 FRICTION = 0.6
@@ -41,11 +41,7 @@ def _unit(values: tuple[float, ...]) -> tuple[float, ...]:
 type PoseRow = Annotated[tuple[float, float, float, float, float, float, float], AfterValidator(_unit)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Phrases(_Table):
+class Phrases(Table):
     """The words of an object: see `contract.Words`."""
 
     noun: Annotated[str, Field(min_length=1, max_length=80)]
@@ -53,7 +49,7 @@ class Phrases(_Table):
     unseen: Annotated[tuple[str, ...], Field(min_length=1)]
 
 
-class ObjectToml(_Table):
+class ObjectToml(Table):
     """`object.toml`. Mass in kg; frames are x y z qw qx qy qz in the object's frame (m).
 
     A grasp is its kind, its width (m) and the tcp; see `contract.Grasp`.
@@ -155,18 +151,7 @@ def add_all(folder: Path) -> None:
 def read_settings(path: Path) -> ObjectToml:
     """`object.toml` of a directory. Raises ObjectError, one line that names the file, the key and what is wrong."""
     file = path / TOML
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise ObjectError(f"{file}: is larger than {LARGEST_FILE} bytes")
-        settings = ObjectToml.model_validate(bounded(tomllib.loads(file.read_text("utf-8"))))
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])[:80]
-        raise ObjectError(
-            f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise ObjectError(f"{file}: not readable ({' '.join(str(error).split())})") from error
+    settings = read_toml(file, ObjectToml, ObjectError)
     if missing := {"base", "top"} - settings.frames.keys():
         raise ObjectError(f"{file}: frames: has no {' and no '.join(sorted(missing))}")
     return settings

@@ -59,12 +59,8 @@ def _build(name: str, layout: Layout) -> Embodiment:
     return pair(MODELS.get(left), MODELS.get(right or left), layout)
 
 
-EMBODIMENTS = MODELS
-"""The robots that exist, by name: with the same model on both sides each is an embodiment."""
-
 __all__ = [
     "ALIASES",
-    "EMBODIMENTS",
     "MODELS",
     "OURS",
     "RobotError",

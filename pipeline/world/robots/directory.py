@@ -4,17 +4,15 @@
 configuration, the wrist camera, where both arms stand, limits that the URDF lacks, and the licence.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from pipeline.data.keys import digest, file_hash
-from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
 from pipeline.poses import frame
 from pipeline.world.glb import GlbError, read_glb
 from pipeline.world.robots.check import RobotError
@@ -23,17 +21,14 @@ from pipeline.world.robots.notation import HEAD_CAMERA, Triple, box, wrist_camer
 from pipeline.world.robots.stands import Stand
 from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
 from pipeline.world.shapes import Collider, Parts
+from pipeline.world.toml_file import Table, read_toml
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
 
 type BySide[T] = dict[str, T]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Tcp(_Table):
+class Tcp(Table):
     """The tool frame in the hand's link (m): `approach` is its x axis, `opening`, along which the fingers open, its y axis."""
 
     position: Triple
@@ -41,7 +36,7 @@ class Tcp(_Table):
     opening: Triple
 
 
-class Jaws(_Table):
+class Jaws(Table):
     """The gripper: its driven joints, two finger links, joint positions closed and open (rad or m), opening of the pads (m)."""
 
     joints: tuple[str, ...]
@@ -55,7 +50,7 @@ class Jaws(_Table):
     damping: float = 60.0
 
 
-class WristCamera(_Table):
+class WristCamera(Table):
     """The wrist camera, `behind` and `above` the tool frame (m), pitched down by `pitch` (rad), on the hand."""
 
     behind: float = 0.095
@@ -63,14 +58,14 @@ class WristCamera(_Table):
     pitch: float = 0.55
 
 
-class Place(_Table):
+class Place(Table):
     """World pose of a root link: position (m) and unit quaternion wxyz; (0.707..., 0, 0, 0.707...) faces the table along its x."""
 
     position: Triple
     quaternion: tuple[float, float, float, float]
 
 
-class Drive(_Table):
+class Drive(Table):
     """The drives of the arm's joints: stiffness N m/rad, damping N m s/rad; acceleration rad/s2 is a limit of planning."""
 
     stiffness: float = 5000.0
@@ -78,7 +73,7 @@ class Drive(_Table):
     acceleration: float = 10.0
 
 
-class Limit(_Table):
+class Limit(Table):
     """Limits of a joint that replace those of the URDF: rad or m, rad/s or m/s, N m or N."""
 
     lower: float | None = None
@@ -87,14 +82,14 @@ class Limit(_Table):
     effort: float | None = None
 
 
-class Body(_Table):
+class Body(Table):
     """What carries both arms in place of two stands: a GLB and boxes (lower and upper corner, m), both in the world frame."""
 
     mesh: str
     boxes: tuple[tuple[Triple, Triple], ...]
 
 
-class RobotToml(_Table):
+class RobotToml(Table):
     """`robot.toml`."""
 
     aliases: tuple[str, ...] = ()
@@ -109,7 +104,7 @@ class RobotToml(_Table):
     original: BySide[Triple] | None = None
     camera: WristCamera = WristCamera()
     drive: Drive = Drive()
-    limits: dict[str, Limit] = {}
+    limits: dict[str, Limit] = Field(default_factory=dict)
     allowed_overlap: tuple[tuple[str, str], ...] = ()
     body: Body | None = None
 
@@ -176,18 +171,7 @@ def content_key(directory: Path) -> dict[str, str]:
 def read_settings(directory: Path) -> RobotToml:
     """`robot.toml` of a directory. Raises RobotError, one line that names the file, the key and what is wrong."""
     path = directory / TOML
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise RobotError(f"{path}: is larger than {LARGEST_FILE} bytes")
-        settings = RobotToml.model_validate(bounded(tomllib.loads(path.read_text("utf-8"))))
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])[:80]
-        raise RobotError(
-            f"{path}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise RobotError(f"{path}: not readable ({' '.join(str(error).split())})") from error
+    settings = read_toml(path, RobotToml, RobotError)
     for key, sides in (("home", settings.home), ("place", settings.place), ("original", settings.original or _SIDES)):
         if set(sides) != set(_SIDES):
             raise RobotError(f"{path}: {key}: give both sides, left and right (got {', '.join(sides) or 'none'})")

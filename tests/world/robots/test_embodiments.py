@@ -9,12 +9,12 @@ from pipeline.data.cameras import CAMERA_TYPES, project, visible
 from pipeline.data.names import SIDES
 from pipeline.poses import compose, matrix, transform
 from pipeline.world.cameras import cameras_of
-from pipeline.world.robots import ALIASES, EMBODIMENTS, UnknownEmbodiment, canonical_name, get_embodiment
+from pipeline.world.robots import ALIASES, MODELS, UnknownEmbodiment, canonical_name, get_embodiment
 from pipeline.world.robots.contract import Embodiment, jaw_positions, jaw_value
 from pipeline.world.robots.forward import arm_limits, arm_poses, root_link
 from tests.world.robots.both_arms import tcp_pose
 
-NAMES = (*EMBODIMENTS, "piper+franka-panda")
+NAMES = (*MODELS, "piper+franka-panda")
 
 
 def test_aliases_and_case():
@@ -27,7 +27,7 @@ def test_aliases_and_case():
 
 @pytest.mark.parametrize("name", ["pipper", "", "piper+", "piper+ur5+arx", "piper+nobody"])
 def test_unknown_names_say_what_exists(name):
-    with pytest.raises(UnknownEmbodiment, match=rf"choose {', '.join(EMBODIMENTS)} or a pair .*left\+right"):
+    with pytest.raises(UnknownEmbodiment, match=rf"choose {', '.join(MODELS)} or a pair .*left\+right"):
         get_embodiment(name)
 
 
@@ -41,14 +41,14 @@ def test_mixed_pairs_take_each_side_from_its_model():
     assert get_embodiment("ur5+ur5-wsg") is get_embodiment("ur5")
 
 
-@pytest.mark.parametrize("left, right", itertools.product(EMBODIMENTS, EMBODIMENTS))
+@pytest.mark.parametrize("left, right", itertools.product(MODELS, MODELS))
 def test_every_pair_can_be_built(left, right):
     e = get_embodiment(f"{left}+{right}")
     assert [e.arms[side].model for side in SIDES] == [left, right]
     assert e.furniture and e.furniture_collision
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_vector_names(name):
     names = get_embodiment(name).vector_names
     dof = 7 if name == "franka-panda" else 6

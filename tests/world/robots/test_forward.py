@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.poses import compose, inverse, matrix
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.forward import arm_limits, arm_poses
 from tests.world.robots.both_arms import tcp_pose
@@ -134,7 +134,7 @@ def test_aloha_bases_stand_where_the_footprint_chain_puts_them():
         np.testing.assert_allclose(matrix(get_embodiment("aloha").arms[side].base), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_the_tool_lies_between_the_fingers(name):
     for arm in get_embodiment(name).arms.values():
         tcp = tcp_pose(arm, np.array(arm.home))

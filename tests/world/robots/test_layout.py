@@ -7,7 +7,7 @@ from pipeline.data.names import SIDES
 from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages.scene import build_scene
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 
 PLACES = {
     **{"piper": (0.3, -0.45, 0.75), "ur5-wsg": (0.4, -0.65, 0.75)},
@@ -38,7 +38,7 @@ def test_a_stand_is_under_each_moved_base(name):
 
 
 def test_robots_that_stand_where_the_originals_do_are_the_same():
-    same = {name for name in EMBODIMENTS if get_embodiment(name) == get_embodiment(name, "original") or _same_bases(name)}
+    same = {name for name in MODELS if get_embodiment(name) == get_embodiment(name, "original") or _same_bases(name)}
     assert same == {"aloha-agilex", "arx-x5"}
 
 

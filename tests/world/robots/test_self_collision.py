@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.names import SIDES
 from pipeline.poses import matrix, pose
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Embodiment, jaw_positions
 from pipeline.world.robots.forward import arm_limits, root_link
 from pipeline.world.shapes import Collider
@@ -59,7 +59,7 @@ def allowed(e: Embodiment) -> set[frozenset[str]]:
     return {frozenset((f"{s}_{a}", f"{s}_{b}")) for s in SIDES for a, b in e.arms[s].allowed_overlap}
 
 
-@pytest.mark.parametrize("name", (*EMBODIMENTS, "aloha+ur5", "piper+franka"))
+@pytest.mark.parametrize("name", (*MODELS, "aloha+ur5", "piper+franka"))
 def test_home_is_free_and_rest_overlaps_are_reviewed(name, tmp_path):
     e = get_embodiment(name)
     checker = Checker(e, tmp_path / "robot.urdf")
@@ -68,7 +68,7 @@ def test_home_is_free_and_rest_overlaps_are_reviewed(name, tmp_path):
         assert checker.touching(home, value) <= allowed(e)
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_no_pair_collides_in_most_configurations(name, tmp_path):
     e = get_embodiment(name)
     checker = Checker(e, tmp_path / "robot.urdf")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.data.names import SIDES
 from pipeline.poses import matrix, quat_from_rpy, quat_to_matrix
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm
 from pipeline.world.robots.forward import arm_limits, arm_poses
 from pipeline.world.robots.urdf import arm_urdf, rpy_from_quat
@@ -26,7 +26,7 @@ def random_q(arm: Arm, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(*arm_limits(arm).T)
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_pinocchio_agrees_with_forward_kinematics(name):
     e = get_embodiment(name)
     model = pin.buildModelFromXML(embodiment_urdf(e))
@@ -49,7 +49,7 @@ def test_pinocchio_agrees_with_forward_kinematics(name):
                 np.testing.assert_allclose(found, matrix(p), atol=1e-9)
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_sapien_agrees_with_forward_kinematics(name, tmp_path):
     e = get_embodiment(name)
     path = tmp_path / "robot.urdf"
@@ -75,7 +75,7 @@ def test_sapien_agrees_with_forward_kinematics(name, tmp_path):
                 assert abs(np.dot(found[f"{side}_{link}"].q, p[3:])) > 1 - 1e-6
 
 
-@pytest.mark.parametrize("name", EMBODIMENTS)
+@pytest.mark.parametrize("name", MODELS)
 def test_urdf_carries_masses_limits_and_prefix(name):
     arm = get_embodiment(name).arms["left"]
     model = pin.buildModelFromXML(arm_urdf(arm, "x_"))

@@ -7,7 +7,7 @@ from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box
 from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of
 from pipeline.world.shapes import Shape
 
@@ -36,7 +36,4 @@ class Block(Parametric):
 
     def frames(self) -> NamedFrames:
         h = self.side / 2
-        top = mark(0, 0, self.side)
-        return NamedFrames(
-            {"base": mark(0, 0, 0), "top": top, "centre": top}, box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,))
-        )
+        return standing(self.side, box_pinches(h, h, h, heights=(max(h, 0.022),), offsets=(0.0,)), centre=mark(0, 0, self.side))

@@ -22,6 +22,12 @@ CRUSTS: dict[str, tuple[float, float, float]] = {
     "pale": (0.90, 0.75, 0.50),
 }
 WIDTH = (0.048, 0.064)
+LEVELS = (
+    ((0, 0.82, 0.78), (0.08, 0.94, 0.93), (0.3, 1, 1), (0.5, 1, 1), (0.72, 0.9, 0.88), (0.9, 0.66, 0.6), (1, 0.3, 0.26)),
+    ((0, 0.93, 0.9), (0.08, 1, 0.98), (0.5, 1, 1), (0.62, 1, 1), (0.82, 0.95, 0.9), (0.95, 0.82, 0.62), (1, 0.6, 0.3)),
+)
+"""Height, length and width of the rings of a piece, as shares, and of a loaf."""
+
 OBLIQUE = np.array([[1.0, 0.0, 0.55], [0.0, 1.0, -0.65]])  # no side of the crust lies along the view
 
 
@@ -41,27 +47,9 @@ class Bread(Parametric):
         a, b, h = self.length / 2, self.width / 2, self.height
         if self.form == "loaf":
             outline = rounded_rectangle(a, b, 0.012, 4)
-            levels = [
-                (0, 0.93, 0.9),
-                (0.08, 1, 0.98),
-                (0.5, 1, 1),
-                (0.62, 1.0, 1.0),
-                (0.82, 0.95, 0.9),
-                (0.95, 0.82, 0.62),
-                (1, 0.6, 0.3),
-            ]
         else:
             outline = ellipse(a, b, 20) if self.form != "roll" else rounded_rectangle(a, b, 0.6 * b, 4)
-            levels = [
-                (0, 0.82, 0.78),
-                (0.08, 0.94, 0.93),
-                (0.3, 1, 1),
-                (0.5, 1, 1),
-                (0.72, 0.9, 0.88),
-                (0.9, 0.66, 0.6),
-                (1, 0.3, 0.26),
-            ]
-        return stacked(outline, [(z * h, x, y) for z, x, y in levels])
+        return stacked(outline, [(z * h, x, y) for z, x, y in LEVELS[self.form == "loaf"]])
 
     def shape(self) -> Shape:
         rings = self.rings()

@@ -6,7 +6,7 @@ from pipeline.world.materials import glaze, metal, painted, srgb, wood
 from pipeline.world.objects.colliders import box_collider, cylinder_collider, disc
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, extrude, revolve, rounded_rectangle, stack
-from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.kit import COLOURS, mark, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.shapes import Material, Shape
 
@@ -59,8 +59,7 @@ class DisplayStand(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        top = mark(0, 0, self.height)
-        return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
+        return standing(self.height, centre=mark(0, 0, self.height))
 
 
 def _edge(r: float, t: float) -> list[tuple[float, float]]:

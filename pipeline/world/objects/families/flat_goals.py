@@ -9,7 +9,7 @@ from pipeline.world.materials import fabric, painted, rubber, wood, wrapped
 from pipeline.world.objects.colliders import box_collider, disc
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word, standing
 from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
 from pipeline.world.objects.words import describe
 from pipeline.world.shapes import Shape, seen_along
@@ -44,8 +44,7 @@ class Coaster(Parametric):
         )
 
     def frames(self) -> NamedFrames:
-        top = mark(0, 0, self.thickness)
-        return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
 
 @register("mat")
@@ -81,8 +80,7 @@ class Mat(Family):
         )
 
     def frames(self) -> NamedFrames:
-        top = mark(0, 0, self.thickness)
-        return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
     def words(self) -> Words:
         return describe("mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border)

@@ -7,10 +7,10 @@ import numpy as np
 
 from pipeline.world.materials import print_texture, printed, worn
 from pipeline.world.objects.colliders import box_collider
-from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import extrude, rounded_rectangle
-from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word
-from pipeline.world.objects.words import describe
+from pipeline.world.objects.kit import COLOURS, mark, pick, seed, size_word, standing
+from pipeline.world.objects.parameters import Parametric
 from pipeline.world.shapes import Shape
 
 HALF = (0.045, 0.075)
@@ -19,7 +19,7 @@ SKINS = ("fabric", "rubber", "painted")
 
 @register("pad")
 @dataclass(frozen=True)
-class Pad(Family):
+class Pad(Parametric):
     hx: float
     hy: float
     thickness: float
@@ -62,14 +62,7 @@ class Pad(Family):
         )
 
     def frames(self) -> NamedFrames:
-        top = mark(0, 0, self.thickness)
-        return NamedFrames({"base": mark(0, 0, 0), "top": top, "centre": top})
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
 
-    def words(self) -> Words:
-        return describe(
-            "pad",
-            "pad",
-            colour=self.colour,
-            size=size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2)),
-            material=self.material,
-        )
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"size": size_word(self.hx * self.hy, (HALF[0] ** 2, HALF[1] ** 2))}

@@ -32,11 +32,7 @@ class Scale(Parametric):
         platter = cylinder(r, t, 32, 0.0015) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.012, 3), t, 0.0015)
         skin = glaze(self.platter) if self.platter == "white" else metal(self.platter)
         panel = printed(print_texture("charcoal", "lime", "panel", self.digits, self.seed), 0.25)
-        display = decal(
-            0.9 * self.hx,
-            1.5 * (self.hy - self.hx) + 0.008,
-            (0, -self.hy + (self.hy - self.hx) + 0.004, z + 0.0004),
-        )
+        display = decal(0.9 * self.hx, 1.5 * y + 0.008, (0, -self.hy + y + 0.004, z + 0.0004))
         lift = at(platter, (0, y, z))
         return Shape(
             visual=((case, plastic(self.colour)), (lift, skin), (display, panel)),

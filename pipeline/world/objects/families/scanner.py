@@ -69,14 +69,8 @@ class Scanner(Parametric):
 
     def frames(self) -> NamedFrames:
         neck = self.height - self.deep
-        limit = [
-            (self.foot, 0.0),
-            (self.foot, 0.012),
-            (self.grip, 0.0125),
-            (self.grip, neck - 0.001),
-            (0.62 * self.head, neck),
-            (0.62 * self.head, self.height),
-        ]
+        foot, grip, head = self.foot, self.grip, 0.62 * self.head
+        limit = [(foot, 0.0), (foot, 0.012), (grip, 0.0125), (grip, neck - 0.001), (head, neck), (head, self.height)]
         grasps = side_pinches(
             0.98 * self.grip, (0.4 * neck, 0.55 * neck), pitches=(-15, 0, 15, 30, 45), outline=limit, kind="handle"
         )

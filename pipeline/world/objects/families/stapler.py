@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.poses import quat_from_rpy
 from pipeline.world.materials import metal, plastic, print_texture, printed, rubber
-from pipeline.world.objects.colliders import box_collider, convex_collider
+from pipeline.world.objects.colliders import box_collider, prism_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, decal, side_prism
 from pipeline.world.objects.grasping import box_pinches
@@ -31,32 +31,18 @@ class Stapler(Parametric):
         a, h = self.length / 2, self.height
         jaw = 0.012 + self.gape
         nose = jaw + self.nose * (h - jaw)
-        return np.array(
-            [
-                (-a, 0.012),
-                (-0.7 * a, 0.014),
-                (0.96 * a, jaw),
-                (a, jaw + 0.004),
-                (0.97 * a, nose),
-                (0.55 * a, h - 0.002),
-                (-0.45 * a, h),
-                (-0.85 * a, 0.82 * h),
-                (-a, 0.55 * h),
-            ]
-        )
+        under = [(-a, 0.012), (-0.7 * a, 0.014), (0.96 * a, jaw), (a, jaw + 0.004)]
+        back = [(0.97 * a, nose), (0.55 * a, h - 0.002), (-0.45 * a, h), (-0.85 * a, 0.82 * h), (-a, 0.55 * h)]
+        return np.array(under + back)
 
     def shape(self) -> Shape:
         a, w = self.length / 2, self.half
         base = at(box(a, w, 0.006, 0.0025), (0, 0, 0.006))
         arm = side_prism(self.arm(), 0.92 * w, 0.004, crease=55)
-        outline = self.arm()
         rail = np.array([(-0.6 * a, 0.015), (0.93 * a, 0.009 + self.gape), (0.93 * a, 0.014 + self.gape), (-0.6 * a, 0.022)])
         anvil = at(box(0.008, 0.5 * w, 0.0008), (0.86 * a, 0, 0.0126))
         grip = at(box(0.28 * a, 0.5 * w, 0.002, 0.001), (0.45 * a, 0, self._roof(0.45 * a) - 0.0008))
         hinge = at(box(0.006, 1.0 * w, 0.008), (-0.86 * a, 0, 0.022))
-        solid = np.concatenate(
-            [np.column_stack([outline[:, 0], np.full(len(outline), s * 0.92 * w), outline[:, 1]]) for s in (-1, 1)]
-        )
         brand = print_texture(self.colour, self.trim, "label", BRANDS[round(a * 1e5) % len(BRANDS)])
         names = [
             decal(
@@ -74,7 +60,7 @@ class Stapler(Parametric):
                 (grip, rubber(self.trim)),
                 (hinge, metal()),
             ),
-            collision=box_collider(a, w, 0.006, (0, 0, 0.006)) + convex_collider(solid),
+            collision=box_collider(a, w, 0.006, (0, 0, 0.006)) + prism_collider(self.arm(), 0.92 * w),
             mass=0.22,
             friction=0.6,
         )

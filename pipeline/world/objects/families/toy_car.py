@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.materials import glaze, metal, plastic, rubber
-from pipeline.world.objects.colliders import box_collider, convex_collider
+from pipeline.world.objects.colliders import box_collider, prism_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism
 from pipeline.world.objects.grasping import box_pinches
@@ -42,16 +42,8 @@ class ToyCar(Parametric):
         w, h, r = self.half, self.height, self.wheel
         belt = 0.58 * h
         low = 0.55 * r
-        lower = np.array(
-            [
-                (self.x(0.02), low),
-                (self.x(0.98), low),
-                (self.x(1.0), 0.6 * belt),
-                (self.x(0.93), 0.9 * belt),
-                (self.x(0.7), belt),
-                (self.x(0.0), belt),
-            ]
-        )
+        sill = [(0.02, low), (0.98, low), (1.0, 0.6 * belt), (0.93, 0.9 * belt), (0.7, belt), (0.0, belt)]
+        lower = np.array([(self.x(share), z) for share, z in sill])
         cabin = np.array([(self.x(a), belt + b * (h - belt)) for a, b in FORMS[self.form]])
         glass = cabin.mean(0) + (cabin - cabin.mean(0)) * [0.86, 0.62]
         corners = [(share, side) for share in (0.2, 0.8) for side in (-1, 1)]
@@ -78,7 +70,6 @@ class ToyCar(Parametric):
             (float(middle[0]), 0, float(middle[1])),
             quat_about((0, 1, 0), -float(np.arctan2(along[1], along[0]))),
         )
-        points = np.concatenate([np.column_stack([cabin[:, 0], np.full(len(cabin), s * 0.86 * w), cabin[:, 1]]) for s in (-1, 1)])
         return Shape(
             visual=(
                 (side_prism(lower, w - 0.001, 0.003), glaze(self.colour)),
@@ -92,7 +83,7 @@ class ToyCar(Parametric):
                 *((m, plastic("cream")) for m in lamps),
                 *((m, plastic("red")) for m in tails),
             ),
-            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2)) + convex_collider(points),
+            collision=box_collider(self.length / 2, w - 0.001, belt / 2, (0, 0, belt / 2)) + prism_collider(cabin, 0.86 * w),
             mass=0.11,
             friction=0.6,
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.world.materials import WOODS, wood
-from pipeline.world.objects.colliders import box_collider, convex_collider, disc
+from pipeline.world.objects.colliders import box_collider, disc, prism_collider
 from pipeline.world.objects.contract import NamedFrames, register
 from pipeline.world.objects.geometry import at, box, cylinder, side_prism
 from pipeline.world.objects.grasping import box_pinches, side_pinches
@@ -36,8 +36,7 @@ class WoodenBlock(Parametric):
         elif self.form == "cylinder":
             mesh, pieces = cylinder(b, self.length, 24, 0.002), disc(b, self.length)
         else:
-            points = np.concatenate([np.column_stack([self.wedge()[:, 0], np.full(4, s * b), self.wedge()[:, 1]]) for s in (-1, 1)])
-            mesh, pieces = side_prism(self.wedge(), b, 0.002), convex_collider(points)
+            mesh, pieces = side_prism(self.wedge(), b, 0.002), prism_collider(self.wedge(), b)
         size = np.pi * b * b * self.length if self.form == "cylinder" else 4 * a * b * h * (0.68 if self.form == "wedge" else 1)
         return Shape(visual=((mesh, wood(self.colour, self.seed)),), collision=pieces, mass=650 * size, friction=0.5)
 

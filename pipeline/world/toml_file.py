@@ -1,0 +1,29 @@
+"""Settings of robots and objects that people write, as TOML."""
+
+import tomllib
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
+
+
+class Table(BaseModel):
+    """Base of the tables of such files: no unknown keys, finite numbers."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:
+    """The settings in a file. Raises `wrong`, one line that names the file, the key and what is wrong."""
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise wrong(f"{file}: is larger than {LARGEST_FILE} bytes")
+        return kind.model_validate(bounded(tomllib.loads(file.read_text("utf-8"))))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])[:80]
+        raise wrong(f"{file}: {key}: {first['msg'].removeprefix('Value error, ')} (got {show_value(first['input'])})") from error
+    except (OSError, ValueError) as error:
+        raise wrong(f"{file}: not readable ({' '.join(str(error).split())})") from error
