@@ -2,14 +2,13 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
@@ -222,18 +221,6 @@ def same(first: Facts, facts: Facts) -> None:
             raise ExportError(f"{facts.source}: {name} {got} differs from {want} of {first.source}; export them separately")
 
 
-def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
-    """(frame, name, time s) of every event, in time order: the first frame at or after it, the one whose state has felt it.
-
-    An event later than the last frame is given to the last frame.
-    """
-    rows = []
-    for event in sorted(facts.log.events, key=lambda e: (e.time, e.name)):
-        frame = int(np.searchsorted(facts.log.times, event.time - CLOCK_TOLERANCE))
-        rows.append((min(frame, len(facts) - 1), event.name, event.time))
-    return rows
-
-
 def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
     """Exported name of each camera of an episode, those `given` first. Raises ExportError, naming the option, if that fails."""
     try:
@@ -264,15 +251,6 @@ def unlisted_files(out: Path) -> list[Path]:
     return strangers(out, names) if isinstance(names, list) else []
 
 
-def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
-    """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
-    for key in keys:
-        parts = key.split("/")[:-1]
-        for depth in range(1, len(parts) + 1):
-            if "/".join(parts[:depth]) not in file:
-                file.create_group("/".join(parts[:depth]))
-
-
 def json_text(value: Any) -> str:
     """Indented JSON, keys sorted, newline at the end."""
     return json.dumps(value, indent=2, sort_keys=True) + "\n"
@@ -282,11 +260,6 @@ def write_json(path: Path, value: Any) -> None:
     """Write `json_text`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json_text(value))
-
-
-def size_of(directory: Path) -> int:
-    """Bytes of all files under a directory."""
-    return sum(p.stat().st_size for p in directory.rglob("*") if p.is_file())
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from pipeline.export.common import (
     Progress,
     read_summary,
     reading,
-    size_of,
     sort_episodes,
     stage_directory,
     write_json,
@@ -110,7 +109,7 @@ class Exporter[O](ABC):
         if left := self.left_out(job):
             summary[LEFT_OUT] = left
         write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
-        summary["bytes"] = size_of(folder)
+        summary["bytes"] = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         summary["contents"] = sorted({SOURCES, SUMMARY, *contents_of(folder)})
         write_json(folder / SUMMARY, summary)
         return summary

@@ -1,7 +1,7 @@
 """The common part of formats with one HDF5 file an episode: each format defines the directory, the names and the content."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
-from pipeline.export.common import Facts, judging, make_groups, read_facts, reading, same
+from pipeline.export.common import Facts, judging, read_facts, reading, same
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.provenance import PROVENANCE, Provenance, check_provenance
 from pipeline.export.reuse import Draft
@@ -82,6 +82,15 @@ class Contents:
             for item, attributes in ((f, self.attributes), *((f[group], said) for group, said in self.of_groups.items())):
                 differ += [name for name, want in attributes.items() if not np.array_equal(item.attrs.get(name), want)]
             return differ
+
+
+def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
+    """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
+    for key in keys:
+        parts = key.split("/")[:-1]
+        for depth in range(1, len(parts) + 1):
+            if "/".join(parts[:depth]) not in file:
+                file.create_group("/".join(parts[:depth]))
 
 
 def _difference(key: str, got: Any, want: NDArray[Any] | str) -> list[str]:
@@ -172,7 +181,7 @@ class Hdf5Exporter[O](Exporter[O]):
         return []
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
-        """Add to the values of the summary what they tell of a directory, by its first episode."""
+        """Add what the summary has of a directory to its values, from the first episode."""
         values.setdefault("cameras", {}).update(self.cameras(first, options))
         values.setdefault("directories", []).append(name)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.common import Facts
-from pipeline.export.lerobot_format import CLOCK_FEATURES, image_key
-from pipeline.export.sensors import DEPTH, coded_images
+from pipeline.export.lerobot_format import before_clock, image_key
+from pipeline.export.sensors import DEPTH, coded_images, image_column
 from pipeline.export.stats import Stats, count_stats, sample_rows, thinning
 
 LEVELS = 2**16
@@ -29,8 +29,7 @@ def with_depth(features: Mapping[str, dict[str, Any]], first: Facts, names: Mapp
     info = {"is_depth_map": True, "depth_unit": "mm"}
     one = {"dtype": "image", "shape": [*first.size, 1], "names": ["height", "width", "channels"], "info": info}
     described = {depth_key(names[camera]): dict(one) for camera in first.cameras}
-    clock = {name: feature for name, feature in features.items() if name in CLOCK_FEATURES}
-    return {name: feature for name, feature in features.items() if name not in clock} | described | clock
+    return before_clock(features, described)
 
 
 def depth_images(file: EpisodeFile) -> dict[str, list[bytes]]:
@@ -40,11 +39,7 @@ def depth_images(file: EpisodeFile) -> dict[str, list[bytes]]:
 
 def depth_columns(images: Mapping[str, Sequence[bytes]], names: Mapping[str, str]) -> dict[str, pa.Array]:
     """Columns (T rows) in the form of Hugging Face's images."""
-    kind = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
-    return {
-        depth_key(names[camera]): pa.array([{"bytes": image, "path": None} for image in coded], kind)
-        for camera, coded in images.items()
-    }
+    return {depth_key(names[camera]): image_column(coded) for camera, coded in images.items()}
 
 
 def depth_counts(coded: Sequence[bytes]) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.export.reuse import Draft
-from pipeline.export.tables import TableWriter
+from pipeline.export.tables import RowWriter
 from pipeline.export.video_file import Clip
 
 ENCODED = "meta/domino_encoded.parquet"
@@ -42,36 +42,27 @@ def clip_name(sha: str, camera: str) -> str:
     return f"{sha}/{camera}"
 
 
-class EncodedFile:
+class EncodedFile(RowWriter):
     """meta/domino_encoded.parquet of the dataset at `root`, written a row group at a time."""
 
     def __init__(self, draft: Draft, root: Path) -> None:
         self.draft, self.path = draft, root / ENCODED
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._rows: list[dict[str, Any]] = []
-        self._writer: TableWriter | None = TableWriter(self.path, SCHEMA, compression="zstd")
+        super().__init__(self.path, SCHEMA, ROWS_PER_GROUP)
 
     def append(self, sha: str, encoded: Encoded, places: dict[str, tuple[Path, int]]) -> None:
         """Add an episode; `places` has the video file and the number of the first image in it by camera."""
+        rows: list[dict[str, Any]] = []
         for camera, clip in encoded.videos.items():
             file, start = places[camera]
             row: dict[str, Any] = {"sha256": sha, "camera": camera, "start": start, "bytes": clip.size}
             row |= {"file": file.relative_to(self.draft.folder).as_posix(), "sampled": encoded.sampled}
-            self._rows.append(row | {"colors": encoded.colors[camera].ravel()})
-        if len(self._rows) >= ROWS_PER_GROUP:
-            self._flush()
-
-    def _flush(self) -> None:
-        if self._writer is not None and self._rows:
-            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=SCHEMA))
-            self._rows.clear()
+            rows.append(row | {"colors": encoded.colors[camera].ravel()})
+        self.add(*rows)
 
     def close(self) -> None:
         """Write what is left and the footer."""
-        self._flush()
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        if self.is_open:
+            super().close()
             self.draft.record(self.path, ["encoded", self.path.relative_to(self.draft.folder).as_posix()])
 
 

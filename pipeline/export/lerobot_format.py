@@ -67,6 +67,12 @@ def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[st
     return features | {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()}
 
 
+def before_clock(features: Mapping[str, dict[str, Any]], more: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The features with more of them before those of the clock."""
+    clock = {name: feature for name, feature in features.items() if name in CLOCK_FEATURES}
+    return {name: feature for name, feature in features.items() if name not in clock} | dict(more) | clock
+
+
 def widen(facts: Facts, width: int) -> Facts:
     """The same with vectors of at least `width`: zeros in the place of an arm that is missing, left or right, else at the end."""
     log = facts.log

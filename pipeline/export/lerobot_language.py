@@ -22,7 +22,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.export.common import Facts
-from pipeline.export.lerobot_format import CLOCK_FEATURES, image_key, trace_of
+from pipeline.export.lerobot_format import before_clock, image_key, trace_of
 from pipeline.export.script import Script, script_of, spoken_names
 from pipeline.motion.recorded.interception import track
 
@@ -91,8 +91,7 @@ def column(rows: Sequence[Mapping[str, Any]], offsets: NDArray[np.int32], kind: 
 def with_language(features: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """The features with both columns before those of the clock."""
     described = {name: {"dtype": "language", "shape": [1], "names": None} for name in (PERSISTENT, EVENTS)}
-    clock = {name: feature for name, feature in features.items() if name in CLOCK_FEATURES}
-    return {name: feature for name, feature in features.items() if name not in clock} | described | clock
+    return before_clock(features, described)
 
 
 def language_columns(facts: Facts, names: Mapping[str, str], schema: pa.Schema) -> dict[str, pa.ListArray]:

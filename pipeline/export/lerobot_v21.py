@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from pipeline.export.common import ExportError, Facts, exported_cameras, judging, read_facts, reading, write_json
 from pipeline.export.exporter import register
-from pipeline.export.lerobot import LerobotExporter, Writer
 from pipeline.export.lerobot_check import check_columns, check_described, check_features, check_images
+from pipeline.export.lerobot_dataset import LerobotExporter, Writer
 from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, description, image_key, split_of, widen
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared

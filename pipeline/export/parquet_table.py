@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.annotations import Joined, annotation_columns
-from pipeline.export.common import Facts, event_frames
+from pipeline.export.common import CLOCK_TOLERANCE, Facts
 from pipeline.export.lerobot_format import contact_flags, trace_of
 from pipeline.export.meetings import interception
 from pipeline.export.script import script_of
@@ -145,6 +145,18 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
         stored = file.has(POINTCLOUD)
         columns[POINTCLOUD] = _lists(file.array(POINTCLOUD)) if stored else pa.nulls(frames, pa.list_(pa.float32()))
     return pa.table({name: columns[name] for name in schema.names}, schema=schema)
+
+
+def event_frames(facts: Facts) -> list[tuple[int, str, float]]:
+    """(frame, name, time s) of every event, in time order: the first frame at or after it, the one whose state has felt it.
+
+    An event later than the last frame is given to the last frame.
+    """
+    rows = []
+    for event in sorted(facts.log.events, key=lambda e: (e.time, e.name)):
+        frame = int(np.searchsorted(facts.log.times, event.time - CLOCK_TOLERANCE))
+        rows.append((min(frame, len(facts) - 1), event.name, event.time))
+    return rows
 
 
 def _lists(values: NDArray[Any]) -> pa.Array:

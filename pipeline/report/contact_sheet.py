@@ -28,32 +28,26 @@ class Style:
     caption: int = 30
 
 
-def contact_sheet(
-    episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240, style: Style | None = None, across: int = 1
-) -> NDArray[np.uint8]:
-    """A image (H,W,3) uint8 RGB with one labelled row an episode, in the order given, `across` of them side by side.
+def contact_sheet(episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240) -> NDArray[np.uint8]:
+    """An image (H,W,3) uint8 RGB with one labelled row an episode, in the order given.
 
     Raises ValueError for no episodes or fewer than two columns, EpisodeError for a file that is no episode.
     """
     if not episode_paths:
         raise ValueError("a contact sheet needs at least one episode")
-    style = style or Style()
+    style = Style()
     films = [film(path, columns, frame_width) for path in episode_paths]
     width = 2 * style.margin + columns * frame_width + (columns - 1) * style.gap
     rows = [_row(f, width, style) for f in films]
-    rows += [np.full_like(rows[0], style.paper)] * (-len(rows) % across)
-    beside = [np.hstack(rows[i : i + across]) for i in range(0, len(rows), across)]
-    blank = np.full((style.margin // 2, across * width, 3), style.paper, np.uint8)
-    return np.concatenate([blank, *beside, blank])
+    blank = np.full((style.margin // 2, width, 3), style.paper, np.uint8)
+    return np.concatenate([blank, *rows, blank])
 
 
-def save_contact_sheet(
-    path: Path, episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240, across: int = 1
-) -> Path:
+def save_contact_sheet(path: Path, episode_paths: Sequence[Path], columns: int = 6, frame_width: int = 240) -> Path:
     """Write `contact_sheet` to a .png or .jpg file and return its path. Raises ValueError for another suffix."""
     if path.suffix not in (".png", ".jpg", ".jpeg"):
         raise ValueError(f"{path}: a contact sheet is a .png or a .jpg")
-    sheet = contact_sheet(episode_paths, columns, frame_width, across=across)
+    sheet = contact_sheet(episode_paths, columns, frame_width)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(encode(sheet, path.suffix))
     return path

@@ -201,7 +201,7 @@ def test_a_ledger_entry_holds_only_what_the_table_of_attempts_can(change, said):
     row = attempt_row(0) | change
     text = SlotRecord(KEYS, True, "0" * 64, (row,), {}).to_json()
     with pytest.raises(ValueError, match=said):
-        SlotRecord.from_json(text)
+        SlotRecord.from_values(parse_json(text))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,6 @@ from pipeline.export.common import (
     Facts,
     by_embodiment,
     choose_instruction,
-    event_frames,
     foreign_files,
     read_facts,
     reading,
@@ -33,6 +32,7 @@ from pipeline.export.common import (
     stage_directory,
     unlisted_files,
 )
+from pipeline.export.parquet_table import event_frames
 from tests.export.running import check_exports, run
 from tests.full_disk import longest_file
 from tests.synthetic import episode_path, make_episode, make_log, make_meta, target_pose

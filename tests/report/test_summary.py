@@ -285,7 +285,7 @@ def test_a_film_shows_the_frames_at_their_times(tmp_path):
 def test_the_contact_sheet_has_one_row_an_episode_with_its_pictures(tmp_path):
     paths = [make_episode(tmp_path / f"{i}.hdf5", frames=12, seed=i) for i in range(3)]
     style = Style()
-    sheet = contact_sheet(paths, columns=4, frame_width=320, style=style)
+    sheet = contact_sheet(paths, columns=4, frame_width=320)
     row = style.caption + 240 + style.margin
     assert sheet.shape == (3 * row + style.margin // 2 * 2, 2 * style.margin + 4 * 320 + 3 * style.gap, 3)
     with open_episode(paths[1]) as e:
@@ -304,13 +304,3 @@ def test_saving_a_sheet(tmp_path):
         save_contact_sheet(tmp_path / "sheet.gif", [episode])
     with pytest.raises(ValueError, match="at least one"):
         contact_sheet([])
-
-
-def test_side_by_side_rows_are_the_rows_of_the_tall_sheet(tmp_path):
-    paths = [make_episode(tmp_path / f"{i}.hdf5", frames=8, seed=i) for i in range(3)]
-    tall, wide = contact_sheet(paths, 3, 100), contact_sheet(paths, 3, 100, across=2)
-    top = Style().margin // 2
-    height, width = (len(tall) - 2 * top) // 3, tall.shape[1]
-    assert wide.shape == (2 * height + 2 * top, 2 * width, 3)
-    np.testing.assert_array_equal(wide[top : top + height, width:], tall[top + height : top + 2 * height])
-    assert (wide[top + height :, width:] == Style().paper).all()

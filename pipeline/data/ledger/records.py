@@ -10,7 +10,6 @@ from typing import Any
 import pyarrow as pa
 
 from pipeline.data.keys import SlotKeys, canonical
-from pipeline.data.parsing import parse_json
 
 ATTEMPTS = pa.schema(
     [
@@ -90,13 +89,8 @@ class SlotRecord:
         return json.dumps(values, sort_keys=True, separators=(",", ":")).encode()
 
     @classmethod
-    def from_json(cls, text: str | bytes) -> "SlotRecord":
-        """Inverse of `to_json`. Raises ValueError, TypeError, AttributeError or KeyError for text that is no record."""
-        return cls.from_values(parse_json(text))
-
-    @classmethod
     def from_values(cls, values: dict[str, Any]) -> "SlotRecord":
-        """As `from_json`, for what the text says."""
+        """Inverse of `to_json`, for what the text holds. Raises ValueError, TypeError, AttributeError or KeyError for no record."""
         canonical(values)  # refuses infinite numbers and texts that have no UTF-8
         file = FileFacts(**values["file"])
         keys = SlotKeys.from_json(values["keys"])
