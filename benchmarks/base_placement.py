@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.poses import pose, quat_about, quat_multiply
 from pipeline.run.robots.place import Scan, lines, measure
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Embodiment
 
 FULL = Scan(
@@ -40,7 +40,7 @@ def moved(embodiment: Embodiment, x: float, y: float, z: float, yaw: float) -> E
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", choices=list(EMBODIMENTS))
+    parser.add_argument("model", choices=list(MODELS))
     parser.add_argument("--x", type=float, nargs="+", help="half distances of the bases, m (default: where it stands)")
     parser.add_argument("--y", type=float, nargs="+", help="m")
     parser.add_argument("--z", type=float, nargs="+", help="m")

@@ -25,7 +25,7 @@ from pipeline.report.contact_sheet import encode
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.render import appearance_of, render
-from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots import MODELS
 
 TASKS = (
     *("click_bell", "place_shoe", "shake_bottle", "beat_block_hammer", "grab_roller"),
@@ -72,7 +72,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     jobs = list[tuple[Recipe, Slot]]()
-    for task, robot in zip(args.tasks.split(","), cycle(EMBODIMENTS), strict=False):
+    for task, robot in zip(args.tasks.split(","), cycle(MODELS), strict=False):
         cells = {"tasks": [task], "embodiments": [robot], "levels": [1], "domains": list(DOMAINS)}
         recipe = Recipe.model_validate({**cells, "seed": args.seed, "episodes": 1, "paired": ["domains"], "size": [640, 480]})
         jobs += [(recipe, slot) for slot in recipe.slots()]

@@ -27,7 +27,7 @@ from pipeline.stages.dry_run import dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks.contract import expand_tasks
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="also write the tables here")
     args = parser.parse_args()
     tasks = expand_tasks(args.tasks.split(","))
-    robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
     specs = [
         EpisodeSpec(task, robot, 0, 0.0, "clean", 0, seed)
         for task in tasks

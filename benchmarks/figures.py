@@ -32,7 +32,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.redraw import facing, redraw_smooth
 from pipeline.stages.render import appearance_of, render, stored_appearance, visuals_of, with_setup
 from pipeline.tasks.contract import expand_tasks
-from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots import MODELS
 from pipeline.world.vulkan import ensure_renderer
 
 
@@ -57,7 +57,7 @@ def from_the_side(rollout: Rollout, frames: list[int]) -> NDArray[np.uint8]:
 def robots(out: Path, task: str = "shake_bottle") -> None:
     """Each robot at home and with a caught bottle in its hand."""
     rows = []
-    for name in EMBODIMENTS:
+    for name in MODELS:
         rollout = accepted(task, name)
         log = rollout.replay.log
         held = int(np.searchsorted(log.times, (log.time_of("meeting") or 0.0) + 1.2))
@@ -126,7 +126,7 @@ SHOWN, ACROSS = range(-34, 16, 2), 4
 
 def beyond(out: Path) -> None:
     """Tasks of the suite `beyond` around their meetings, the robots taking turns, as an animated WebP."""
-    names, robots, panels = expand_tasks(["beyond"]), [*EMBODIMENTS], list[NDArray[np.uint8]]()
+    names, robots, panels = expand_tasks(["beyond"]), [*MODELS], list[NDArray[np.uint8]]()
     for k, name in enumerate(names[: len(names) // ACROSS * ACROSS]):
         rollout = accepted(name, robots[k % len(robots)], 1 + k % 3, first=20)
         met = round(rollout.meeting * 15)

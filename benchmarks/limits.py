@@ -28,7 +28,7 @@ from pipeline.planning.budgets import LIMITS
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.simulation import Simulation
 
@@ -165,7 +165,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="also write the table here")
     args = parser.parse_args()
     tasks = expand_tasks(args.tasks.split(","))
-    robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
     wanted = {"tasks": tasks, "embodiments": robots, "levels": [int(x) for x in args.levels.split(",")], "seed": args.seed}
     recipe = Recipe.model_validate(wanted | {"alpha": [float(x) for x in args.alpha.split(",")], "episodes": args.slots})
     jobs = [(recipe, slot) for slot in recipe.slots()]

@@ -37,7 +37,7 @@ from pipeline.tasks.contract import INTERCEPTION, TASKS, Draw, Placement, Region
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.body import Body
 from pipeline.world.objects.families.can import Can
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 
 SPEEDS = (0.05, 0.1, 0.2)
 RADIUS = 0.03
@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
-    robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
     speeds = [float(x) for x in args.speeds.split(",")]
     specs = [
         EpisodeSpec("catch_can", robot, LEVEL, speed, "clean", 0, seed)

@@ -25,7 +25,7 @@ from pipeline.stages.dry_run import dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks.contract import expand_tasks
-from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots import MODELS
 
 ALPHAS = (0.05, 0.1, 0.2, 0.3)
 type Start = Literal["early", "late"]
@@ -64,7 +64,7 @@ def main() -> None:
     parser.add_argument("--motions", type=int, default=300)
     parser.add_argument("--alpha", type=float, nargs="+", default=ALPHAS)
     parser.add_argument("--start", choices=STARTS, nargs="+", default=STARTS)
-    parser.add_argument("--robots", default=",".join(EMBODIMENTS))
+    parser.add_argument("--robots", default=",".join(MODELS))
     args = parser.parse_args()
     scenes, found = measure(args.motions, args.alpha, args.start, args.robots.split(","))
     print(f"{scenes} scenes; {hardware()}\n")

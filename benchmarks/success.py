@@ -32,7 +32,7 @@ from pipeline.report.speed_law import drawn_and_accepted, law
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
-from pipeline.world.robots import EMBODIMENTS, get_embodiment
+from pipeline.world.robots import MODELS, get_embodiment
 
 ORIGINAL_STATIC = {"aloha-agilex": 78.2, "arx-x5": 77.9, "franka-panda": 69.0, "piper": 27.0, "ur5-wsg": 61.3}
 """Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0 documentation)."""
@@ -277,7 +277,7 @@ def main() -> None:
     parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
     args = parser.parse_args()
     tasks = expand_tasks(args.tasks.split(","))
-    robots = list(EMBODIMENTS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
+    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
     levels, alpha = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
     recipe = Recipe.model_validate(
         {

@@ -26,7 +26,7 @@ from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.react import react
 from pipeline.stages.replay import commands, finish
 from pipeline.stages.scene import Scene, build_scene
-from pipeline.world.robots import EMBODIMENTS
+from pipeline.world.robots import MODELS
 
 TASK, DELAY, OFF = "put_can_pot", 0.1, 0.005
 WAYS = ("replayed", "planned track", "reactive track")
@@ -69,7 +69,7 @@ def main() -> None:
     print(f"{TASK}, alpha 0.1 m/s, levels 1 to 3 in turn; {hardware()}\n")
     print("| robot | " + " | ".join(f"{way}{errors}" for errors in ("", ", 100 ms and 5 mm") for way in WAYS) + " |")
     print("|---|" + "---:|" * 6)
-    for robot in EMBODIMENTS:
+    for robot in MODELS:
         won, tried = Counter[tuple[bool, str]](), 0
         for seed in tqdm(range(4 * args.layouts), desc=robot):
             scene = build_scene(EpisodeSpec(TASK, robot, 1 + seed % 3, 0.1, "clean", 0, 700 + seed))

@@ -130,7 +130,7 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
 
 
 def isolate(name: PolicyName) -> PolicyName:
-    """The same policy in a process of its own, if its code is that of a file or of a form in LOADED; else the name unchanged."""
+    """The same policy in a process of its own, if its code is a file's or that of a form in LOADED. Other names are unchanged."""
     loaded = name.text.endswith(".py") or name.text.partition(":")[0] in LOADED
     return replace(name, process="own") if loaded else name
 
