@@ -25,7 +25,7 @@ from pipeline.data.names import CAMERAS, SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.report.contact_sheet import save_contact_sheet
+from pipeline.report.contact_sheet import contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import meeting_frame, with_path
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
@@ -70,10 +70,13 @@ def sheet(dataset: Path, out: Path) -> None:
     """One episode of every task of a dataset, of its highest level: a row each, or three side by side where there are many."""
     tasks = sorted(p for p in (dataset / "episodes").iterdir() if p.is_dir())
     episodes = [sorted(task.rglob("*.hdf5"))[-1] for task in tasks]
-    if len(tasks) > 12:
-        save_contact_sheet(out, episodes, 3, 160, across=3)
-    else:
+    if len(tasks) <= 12:
         save_contact_sheet(out, episodes, 6, 200)
+        return
+    stacks = [contact_sheet(episodes[i::3], 3, 160) for i in range(3)]
+    paper, height = stacks[0][-1:], len(stacks[0])
+    filled = [np.concatenate([stack, np.repeat(paper, height - len(stack), 0)]) for stack in stacks]
+    cv2.imwrite(str(out), cv2.cvtColor(np.hstack(filled), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 WIDTH, INSET = 480, 140
