@@ -20,12 +20,12 @@ IMAGE_RUNGS = ("act", "diffusion")
 SMALL = {
     "act": (
         *("dim_model=256", "n_heads=4", "dim_feedforward=1024", "n_encoder_layers=2", "use_vae=false"),
-        *("optimizer_lr=3e-4", "optimizer_lr_backbone=3e-4"),
+        *("optimizer_lr=3e-4", "optimizer_lr_backbone=1e-4"),
     ),
     "diffusion": ("down_dims=[128,256]", "noise_scheduler_type=DDIM", "num_inference_steps=10"),
 }
 """What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; no variational encoder, because a
-scripted expert has one style; and the rate of the other layers for the backbone, which starts from random weights here."""
+scripted expert has one style; and a higher rate for the backbone, which starts from random weights here."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,10 @@ class ImageTraining:
         words += ["--dataset.repo_id=local/ladder", f"--dataset.root={dataset}", "--dataset.video_backend=pyav"]
         words += ["--batch_size=16", "--num_workers=0", "--wandb.enable=false", f"--seed={self.seed}", f"--output_dir={out}"]
         words += [f"--steps={self.steps}", f"--save_freq={self.steps}", "--env_eval_freq=0", "--log_freq=100"]
-        return [str(Path(sys.executable).with_name("lerobot-train")), *words, *self.words]
+        program = [str(Path(sys.executable).with_name("lerobot-train"))]
+        if self.kind == "act":
+            program = [sys.executable, "-m", "training.ladder.train_act"]
+        return [*program, *words, *self.words]
 
 
 def image_policy(training: ImageTraining, dataset: Path, where: Path) -> Path:
