@@ -33,6 +33,7 @@ def write_start(words: Sequence[str], out: str) -> bool:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
     from lerobot.policies.act.configuration_act import ACTConfig
     from lerobot.policies.factory import make_policy, make_pre_post_processors
+    from lerobot.utils.constants import IMAGENET_STATS
 
     prefix, kind = "--policy.", "--policy.type="
     of_policy = [word.removeprefix(prefix) for word in words if word.startswith(prefix) and not word.startswith(kind)]
@@ -40,15 +41,18 @@ def write_start(words: Sequence[str], out: str) -> bool:
     if config.pretrained_backbone_weights is not None:
         return False
     given = dict(word.removeprefix("--").split("=", 1) for word in words if "=" in word)
-    names = {key: given[f"dataset.{key}"] for key in ("repo_id", "root", "video_backend")}
+    names: dict[str, Any] = {key: given[f"dataset.{key}"] for key in ("repo_id", "root", "video_backend")}
     torch.manual_seed(int(given["seed"]))
     dataset = LeRobotDataset(**names)
-    policy = make_policy(config, ds_meta=dataset.meta)
-    processors = make_pre_post_processors(policy.config, dataset_stats=dataset.meta.stats)
+    policy: Any = make_policy(config, ds_meta=dataset.meta)
+    cameras: list[str] = dataset.meta.camera_keys
+    # lerobot-train scales images by these statistics, whatever the dataset's are
+    stats: Any = {key: value | (IMAGENET_STATS if key in cameras else {}) for key, value in (dataset.meta.stats or {}).items()}
+    processors: Any = make_pre_post_processors(policy.config, dataset_stats=stats)
     chosen = torch.randperm(len(dataset), generator=torch.Generator().manual_seed(0))[:IMAGES]
-    samples = [dataset[int(i)] for i in chosen]
-    images = processors[0]({key: torch.stack([sample[key] for sample in samples]) for key in dataset.meta.camera_keys})
-    measure_statistics(policy.model.backbone, torch.cat([images[key] for key in dataset.meta.camera_keys]))
+    samples: list[Any] = [dataset[int(i)] for i in chosen]
+    images = processors[0]({key: torch.stack([sample[key] for sample in samples]) for key in cameras})
+    measure_statistics(policy.model.backbone, torch.cat([images[key] for key in cameras]))
     for part in (policy, *processors):
         part.save_pretrained(out)
     return True
