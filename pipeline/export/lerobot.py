@@ -26,11 +26,8 @@ from pipeline.export.lerobot_check import check_v3
 from pipeline.export.lerobot_dataset import LerobotExporter, Writer
 from pipeline.export.lerobot_depth import depth_columns, depth_counts, depth_key, depth_stats, with_depth
 from pipeline.export.lerobot_format import (
-    FILES_PER_CHUNK,
     MEGABYTE,
     TEXT_FEATURES,
-    Tables,
-    chunk_file,
     data_table,
     description,
     episode_schema,
@@ -41,6 +38,7 @@ from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_column
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_meta
+from pipeline.export.lerobot_tables import FILES_PER_CHUNK, Tables, chunk_file
 from pipeline.export.options import option, whole
 from pipeline.export.provenance import scalars
 from pipeline.export.reuse import Draft

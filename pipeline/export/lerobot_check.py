@@ -169,7 +169,7 @@ class _Videos:
                 self.leftover.append(f"{path}: has {extra} images of no episode")
 
     def close(self) -> None:
-        """Read what is left of the open files."""
+        """Read the rest of the open files."""
         for key in list(self._open):
             self._finish(key)
 

@@ -60,7 +60,7 @@ class EncodedFile(RowWriter):
         self.add(*rows)
 
     def close(self) -> None:
-        """Write what is left and the footer."""
+        """Write the remaining rows and the footer."""
         if self.is_open:
             super().close()
             self.draft.record(self.path, ["encoded", self.path.relative_to(self.draft.folder).as_posix()])

@@ -1,4 +1,4 @@
-"""Features, columns and Parquet files of a LeRobot dataset.
+"""Features and columns of a LeRobot dataset.
 
 The columns are made here, whole episodes at a time: lerobot makes them frame by frame from what add_frame is given, and encodes
 images to files on the way (benchmarks/export.py has both speeds). The tests hold the files against those that lerobot writes for
@@ -10,12 +10,10 @@ Poses of end effectors and cameras, contacts, the target, where it goes next and
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import intrinsics
@@ -24,11 +22,9 @@ from pipeline.export.common import FAILURES, Facts
 from pipeline.export.provenance import SCALAR_TYPES
 from pipeline.export.script import script_of
 from pipeline.export.stats import Stats, vector_stats
-from pipeline.export.tables import TableWriter
 from pipeline.export.video import Codec
 from pipeline.motion.paths import path_ahead, trace_ahead
 
-FILES_PER_CHUNK = 1000
 MEGABYTE = 1024**2
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -45,11 +41,6 @@ CLOCK_FEATURES = {"timestamp": "float32", "frame_index": "int64", "episode_index
 def image_key(name: str) -> str:
     """Feature of a camera by its exported name: "cam_high" -> "observation.images.cam_high"."""
     return f"observation.images.{name}"
-
-
-def chunk_file(number: int, suffix: str) -> str:
-    """Name of file number `number`: chunk-000/file-000 ..., 1000 files a chunk."""
-    return f"chunk-{number // FILES_PER_CHUNK:03d}/file-{number % FILES_PER_CHUNK:03d}.{suffix}"
 
 
 def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[str, dict[str, Any]]:
@@ -258,50 +249,3 @@ def description(summary: dict[str, Any], first: Facts) -> str:
         "interval after it. Poses are x y z qw qx qy qz in the world frame (m). `meta/domino_episodes.parquet` has the task, "
         "level, speed and motion of every episode."
     )
-
-
-class Tables:
-    """Parquet files chunk-000/file-000.parquet ... of one schema; `number` is that of the file being written."""
-
-    def __init__(self, root: Path, schema: pa.Schema) -> None:
-        self.root, self.schema = root, schema
-        self.number = 0
-        self._writer: TableWriter | None = None
-
-    @property
-    def size(self) -> int:
-        """Bytes written so far to the file that the next table goes to."""
-        path = self.root / chunk_file(self.number, "parquet")
-        return path.stat().st_size if self._writer is not None else 0
-
-    def roll(self) -> None:
-        """Let the next table begin another file."""
-        self.close()
-        self.number += 1
-
-    @property
-    def place(self) -> dict[str, int]:
-        """chunk_index and file_index of the file that the next table goes to."""
-        return {"chunk_index": self.number // FILES_PER_CHUNK, "file_index": self.number % FILES_PER_CHUNK}
-
-    def write(self, table: pa.Table) -> None:
-        """Append a table as one row group."""
-        path = self.root / chunk_file(self.number, "parquet")
-        if self._writer is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = TableWriter(path, self.schema, compression="snappy", use_dictionary=True)
-        self._writer.write_table(table, row_group_size=max(len(table), 1))
-
-    def close(self) -> None:
-        """Write the footer."""
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
-
-    def column(self, name: str) -> NDArray[Any]:
-        """A column of all closed files, (N,) or (N,d)."""
-        files = sorted(self.root.rglob("*.parquet"))
-        chunks = [pq.ParquetFile(p).read(columns=[name], use_threads=False)[name].combine_chunks() for p in files]
-        if isinstance(self.schema.field(name).type, pa.FixedSizeListType):
-            return np.concatenate([c.flatten().to_numpy().reshape(len(c), -1) for c in chunks])
-        return np.concatenate([c.to_numpy() for c in chunks])

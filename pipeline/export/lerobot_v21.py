@@ -23,10 +23,11 @@ from pipeline.export.common import ExportError, Facts, exported_cameras, judging
 from pipeline.export.exporter import register
 from pipeline.export.lerobot_check import check_columns, check_described, check_features, check_images
 from pipeline.export.lerobot_dataset import LerobotExporter, Writer
-from pipeline.export.lerobot_format import FILES_PER_CHUNK, data_columns, data_table, description, image_key, split_of, widen
+from pipeline.export.lerobot_format import data_columns, data_table, description, image_key, split_of, widen
 from pipeline.export.lerobot_options import LerobotOptions, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_card
+from pipeline.export.lerobot_tables import FILES_PER_CHUNK
 from pipeline.export.provenance import check_provenance
 from pipeline.export.reuse import Draft
 from pipeline.export.video import frames_of

@@ -57,7 +57,7 @@ class RowWriter:
         return self._writer.is_open
 
     def close(self) -> None:
-        """Write what is left and the footer, once."""
+        """Write the remaining rows and the footer, once."""
         if self.is_open:
             self._flush()
             self._writer.close()

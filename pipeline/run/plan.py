@@ -1,4 +1,4 @@
-"""`domino-data plan`: what a recipe asks for, what is there, and what the rest costs in seconds and bytes. Writes nothing."""
+"""`domino-data plan`: what a recipe asks for, what exists, and what the rest costs in seconds and bytes. Writes nothing."""
 
 import json
 from collections import Counter
@@ -26,7 +26,7 @@ from pipeline.run.typical import bytes_of, seconds_of
 from pipeline.world.vulkan import ensure_renderer
 
 SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
-"""Parts of a file by the names of their datasets; what is left are states: poses, joints, instructions and the headers."""
+"""Parts of a file by the names of their datasets; all others are states: poses, joints, instructions and the headers."""
 
 STATES = "states"
 

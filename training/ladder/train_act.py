@@ -1,7 +1,7 @@
 """lerobot-train for ACT without pretrained weights: `python -m training.ladder.train_act WORDS`, with the words of lerobot-train.
 
 ACT's backbone normalises by frozen statistics, which belong to pretrained weights. Beside random weights they change nothing: the
-features of different images hardly differ, and training makes them grow a thousandfold. So they are measured first, on images of
+features of different images hardly differ, and training makes them grow a millionfold. So they are measured first, on images of
 the dataset, and training starts from there.
 """
 

@@ -25,8 +25,8 @@ class HistorySettings:
 
 
 class Recent:
-    """Images of one episode by simulated time, for `reach` s: each is as old as it is said to be, however long the policy
-    thought."""
+    """Images of one episode by simulated time, for `reach` s: the stated age of each is its true age, however long the
+    policy thought."""
 
     def __init__(self, reach: float) -> None:
         self._reach = reach
