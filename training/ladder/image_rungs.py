@@ -20,12 +20,12 @@ IMAGE_RUNGS = ("act", "diffusion")
 SMALL = {
     "act": (
         *("dim_model=256", "n_heads=4", "dim_feedforward=1024", "n_encoder_layers=2", "use_vae=false"),
-        *("optimizer_lr=3e-4", "optimizer_lr_backbone=1e-4", "replace_final_stride_with_dilation=true"),
+        *("optimizer_lr=3e-4", "optimizer_lr_backbone=1e-4"),
     ),
     "diffusion": ("down_dims=[128,256]", "noise_scheduler_type=DDIM", "num_inference_steps=10", "use_group_norm=true"),
 }
 """What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; for ACT no variational encoder,
-because a scripted expert has one style, a finer map of image features, and a higher rate for the backbone; for diffusion a
+because a scripted expert has one style, and a higher rate for the backbone; for diffusion a
 normalisation that needs no statistics. Both backbones start from random weights here."""
 
 AFTER_SUCCESS = 0.0
