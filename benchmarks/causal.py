@@ -1,18 +1,20 @@
 """The study of docs/science/preregistration.md: what networks learn from planned and reactive demonstrations, and from corrections.
 
 python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the addendum
+python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the first addendum
+python -m benchmarks.causal widen DIR [--rows FILE]    the same for those of the second: more tasks, data and inputs
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
 python -m benchmarks.causal describe DIR PAGE.md       what the demonstrations of click_bell look like, 150 a level
 
-A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "level", "tried", "solved"}, scenes by seed.
+A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "inputs", "level", "tried", "solved"}, scenes
+by seed. Rows without "inputs" are of networks that see the target's velocity.
 """
 
 import argparse
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +40,18 @@ EXPLORED = (
     *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
 )
-"""The units of the addendum, on the first task, in their order."""
+"""The units of the first addendum, on the first task, in their order."""
+WIDENED = (
+    ("press_stapler", 150, ("planned", "reactive"), "velocity"),
+    ("beat_block_hammer", 150, ("planned", "reactive"), "velocity"),
+    ("click_bell", 150, ("half", "static"), "velocity"),
+    ("grab_roller", 150, ("planned", "reactive"), "velocity"),
+    ("click_bell", 150, ("planned", "reactive"), "position"),
+    ("click_bell", 150, ("planned", "reactive"), "two_frames"),
+    ("place_mouse_pad", 100, ("planned", "reactive"), "velocity"),
+    ("click_bell", 300, ("planned", "reactive"), "velocity"),
+)
+"""The units of the second addendum, in their order: task, N, arms, inputs."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +62,7 @@ class Unit:
     n: int
     seed: int
     arm: str
+    inputs: str = SETTINGS.inputs
 
 
 def units() -> Iterator[Unit]:
@@ -58,9 +72,16 @@ def units() -> Iterator[Unit]:
 
 
 def explored() -> Iterator[Unit]:
-    """The networks of the addendum."""
+    """The networks of the first addendum."""
     for n, arm, seed in EXPLORED:
         yield Unit(TASKS[0], n, seed, arm)
+
+
+def widened() -> Iterator[Unit]:
+    """The networks of the second addendum."""
+    for task, n, arms, inputs in WIDENED:
+        for seed, arm in itertools.product(range(SEEDS), arms):
+            yield Unit(task, n, seed, arm, inputs)
 
 
 class Study:
@@ -73,7 +94,7 @@ class Study:
         """A network on the scenes of each level."""
         path = self.network(self.shown(unit), unit)
         recipe = self.recipe(unit.task, SCENES)
-        ladder = Ladder(recipe, ("velocity",), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
+        ladder = Ladder(recipe, (unit.inputs,), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
         wanted = evaluation(ladder, unit.task, LadderForm().name(f"ladder:{path}?execute={EXECUTE}"), blind(recipe))
         outcome = evaluate(wanted, self.root / "evaluations", inline)
         manifest = {cell["level"]: cell for cell in outcome.cells}
@@ -83,13 +104,17 @@ class Study:
 
     def network(self, shown: Sequence[Demonstration], unit: Unit) -> Path:
         """The file of a trained network."""
-        return train_missing(shown, replace(SETTINGS, seed=unit.seed), self.root / "networks" / unit.task)
+        return train_missing(shown, replace(SETTINGS, seed=unit.seed, inputs=unit.inputs), self.root / "networks" / unit.task)
 
     def shown(self, unit: Unit) -> list[Demonstration]:
         """What the network of a unit learns from."""
         recipe, half = self.recipe(unit.task, unit.n), self.recipe(unit.task, unit.n // 2)
         if unit.arm == "foresighted":
             return self.foresighted(unit.task, unit.n)
+        if unit.arm == "half":
+            return self.half_and_half(unit)
+        if unit.arm == "static":
+            return self.demonstrate(recipe.model_copy(update={"levels": (0,), "episodes": len(LEVELS) * unit.n}))
         if unit.arm != "takeovers":
             return self.demonstrate(recipe.model_copy(update={"expert": unit.arm}))
         planned = self.demonstrate(half)
@@ -98,6 +123,16 @@ class Study:
             *planned,
             *self.demonstrate(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})),
         ]
+
+    def half_and_half(self, unit: Unit) -> list[Demonstration]:
+        """By level, planned demonstrations of the first half of the slots and reactive ones of the others."""
+        planned = self.shown(replace(unit, arm="planned", n=unit.n // 2))
+        former = self.shown(replace(unit, arm="reactive", n=unit.n // 2))
+        reactive, out = self.shown(replace(unit, arm="reactive")), list[Demonstration]()
+        for level in LEVELS:
+            first, skipped, every = ([d for d in shown if d.cell.level == level] for shown in (planned, former, reactive))
+            out += first + every[len(skipped) :]
+        return out
 
     def foresighted(self, task: str, n: int) -> list[Demonstration]:
         """The demonstrations of the expert that follows a target whose future it knows."""
@@ -122,9 +157,9 @@ def run(root: Path, rows: Path, wanted: Iterable[Unit]) -> None:
     """Do the units that are missing in `rows`."""
     root.mkdir(parents=True, exist_ok=True)
     found = read(rows) if rows.exists() else []
-    done, study = {tuple(row[key] for key in ("task", "n", "seed", "arm")) for row in found}, Study(root)
+    done, study = {tuple(row[field.name] for field in fields(Unit)) for row in found}, Study(root)
     for unit in wanted:
-        if (unit.task, unit.n, unit.seed, unit.arm) not in done:
+        if tuple(vars(unit).values()) not in done:
             new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
             with rows.open("a") as file:
                 file.write(new)
@@ -160,7 +195,8 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     verbs = parser.add_subparsers(dest="verb", required=True)
-    for verb in ("run", "explore"):
+    wanted = {"run": units, "explore": explored, "widen": widened}
+    for verb in wanted:
         doing = verbs.add_parser(verb)
         doing.add_argument("root", type=Path)
         doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
@@ -174,7 +210,7 @@ def main() -> None:
     elif given.verb == "describe":
         describe(given.root, given.page)
     else:
-        run(given.root, given.rows, units() if given.verb == "run" else explored())
+        run(given.root, given.rows, wanted[given.verb]())
 
 
 if __name__ == "__main__":

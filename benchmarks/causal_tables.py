@@ -27,8 +27,8 @@ Side = tuple[str, int]
 
 
 def read(rows: Path) -> list[Row]:
-    """The rows of a file."""
-    return [json.loads(line) for line in rows.read_text().splitlines()]
+    """The rows of a file; the first ones do not name their inputs."""
+    return [{"inputs": "velocity"} | json.loads(line) for line in rows.read_text().splitlines()]
 
 
 class Rates:
