@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, Row, fill_in, read, report
+from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED, Row, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
@@ -41,17 +41,6 @@ EXPLORED = (
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
 )
 """The units of the first addendum, on the first task, in their order."""
-WIDENED = (
-    ("press_stapler", 150, ("planned", "reactive"), "velocity"),
-    ("beat_block_hammer", 150, ("planned", "reactive"), "velocity"),
-    ("click_bell", 150, ("half", "static"), "velocity"),
-    ("grab_roller", 150, ("planned", "reactive"), "velocity"),
-    ("click_bell", 150, ("planned", "reactive"), "position"),
-    ("click_bell", 150, ("planned", "reactive"), "two_frames"),
-    ("place_mouse_pad", 100, ("planned", "reactive"), "velocity"),
-    ("click_bell", 300, ("planned", "reactive"), "velocity"),
-)
-"""The units of the second addendum, in their order: task, N, arms, inputs."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +68,8 @@ def explored() -> Iterator[Unit]:
 
 def widened() -> Iterator[Unit]:
     """The networks of the second addendum."""
-    for task, n, arms, inputs in WIDENED:
-        for seed, arm in itertools.product(range(SEEDS), arms):
+    for seeds, (task, n, arms, inputs) in itertools.product(((0, 1), (2,)), WIDENED):
+        for seed, arm in itertools.product(seeds, arms):
             yield Unit(task, n, seed, arm, inputs)
 
 
@@ -200,6 +189,7 @@ def main() -> None:
         doing = verbs.add_parser(verb)
         doing.add_argument("root", type=Path)
         doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
+        doing.add_argument("--tasks", help="only these, separated by commas: processes with different tasks need different DIR")
     for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "page"))):
         telling = verbs.add_parser(verb)
         for name in names:
@@ -210,7 +200,8 @@ def main() -> None:
     elif given.verb == "describe":
         describe(given.root, given.page)
     else:
-        run(given.root, given.rows, wanted[given.verb]())
+        tasks = given.tasks and given.tasks.split(",")
+        run(given.root, given.rows, (unit for unit in wanted[given.verb]() if not tasks or unit.task in tasks))
 
 
 if __name__ == "__main__":
