@@ -4,7 +4,7 @@ python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, on
 python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the first addendum
 python -m benchmarks.causal widen DIR [--rows FILE]    the same for those of the second: more tasks, data and inputs
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
-python -m benchmarks.causal describe DIR PAGE.md       what the demonstrations of click_bell look like, 150 a level
+python -m benchmarks.causal describe DIR FILE PAGE.md  what the demonstrations of the rows look like
 
 A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "inputs", "level", "tried", "solved"}, scenes
 by seed. Rows without "inputs" are of networks that see the target's velocity.
@@ -155,18 +155,21 @@ def run(root: Path, rows: Path, wanted: Iterable[Unit]) -> None:
             print(unit, flush=True)
 
 
-def describe(root: Path, page: Path) -> None:
-    """Write into PAGE.md how the hands of each arm's demonstrations move: 150 a level of the first task."""
-    study, n = Study(root), max(SIZES)
-    arms = {arm: study.shown(Unit(TASKS[0], n, 0, arm)) for arm in ("planned", "foresighted", "reactive")}
-    lines = list[list[object]]()
-    for level, (arm, shown) in itertools.product(LEVELS, arms.items()):
-        mine = [d for d in shown if d.cell.level == level]
-        until, length, apart = np.median([approach(d) for d in mine], axis=0)
-        again = np.mean([d.untouched > 1.5 * until * FPS for d in mine])
-        lines.append([level, arm, len(mine), f"{until:.1f}", f"{100 * again:.0f} %", f"{length:.2f}", f"{1000 * apart:.0f}"])
-    columns = ("level", "arm", "episodes", "until the touch (s)", "longer by half", "path (m)", "speed off the target's (mm/s)")
-    fill_in(page, "demonstrations", markdown(columns, lines))
+def describe(root: Path, page: Path, rows: Path) -> None:
+    """Write into PAGE.md how the hands of each arm's demonstrations move, of the tasks that have rows: most have 150 a level."""
+    study, lines = Study(root), list[list[object]]()
+    sizes = {TASKS[0]: max(SIZES)} | {task: n for task, n, _, _ in WIDENED if task != TASKS[0]}
+    found = {(row["task"], row["n"], row["arm"]) for row in read(rows)}
+    for (task, n), arm in itertools.product(sizes.items(), ("planned", "foresighted", "reactive")):
+        shown = study.shown(Unit(task, n, 0, arm)) if (task, n, arm) in found else []
+        for level in LEVELS if shown else ():
+            mine = [d for d in shown if d.cell.level == level]
+            until, length, apart = np.median([approach(d) for d in mine], axis=0)
+            again = np.mean([d.untouched > 1.5 * until * FPS for d in mine])
+            numbers = (f"{until:.1f}", f"{100 * again:.0f} %", f"{length:.2f}", f"{1000 * apart:.0f}")
+            lines.append([task, level, arm, f"{len(mine)} of {n}", *numbers])
+    columns = ("until the touch (s)", "longer by half", "path (m)", "speed off the target's (mm/s)")
+    fill_in(page, "demonstrations", markdown(("task", "level", "arm", "episodes", *columns), lines))
 
 
 def approach(d: Demonstration) -> tuple[float, float, float]:
@@ -190,7 +193,7 @@ def main() -> None:
         doing.add_argument("root", type=Path)
         doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
         doing.add_argument("--tasks", help="only these, separated by commas: processes with different tasks need different DIR")
-    for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "page"))):
+    for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "rows", "page"))):
         telling = verbs.add_parser(verb)
         for name in names:
             telling.add_argument(name, type=Path)
@@ -198,7 +201,7 @@ def main() -> None:
     if given.verb == "report":
         report(given.rows, given.page, given.plot)
     elif given.verb == "describe":
-        describe(given.root, given.page)
+        describe(given.root, given.page, given.rows)
     else:
         tasks = given.tasks and given.tasks.split(",")
         run(given.root, given.rows, (unit for unit in wanted[given.verb]() if not tasks or unit.task in tasks))
