@@ -114,7 +114,7 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         if number < ladder.rounds:
             tell(f"{task}: corrections, round {number + 1}")
             for key, policy in first.items():
-                learned[key] = [*learned[key], *correct(recipe, policy, number + 1, _kept(ladder, out), run)]
+                learned[key] = [*learned[key], *correct(recipe, policy, number + 1, _find_store(ladder, out), run)]
 
 
 def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:
@@ -140,7 +140,7 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
 def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
     """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
     if ladder.data is None:
-        shown = list(make_demonstrations(recipe, _kept(ladder, out), run))
+        shown = list(make_demonstrations(recipe, _find_store(ladder, out), run))
     else:
         shown = list(read_demonstrations(ladder.data, recipe.cells()))
     for dataset in ladder.corrections:
@@ -150,7 +150,7 @@ def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> l
     return shown
 
 
-def _kept(ladder: Ladder, out: Path) -> Path:
+def _find_store(ladder: Ladder, out: Path) -> Path:
     """Where the demonstrations of this version of the program are kept."""
     return out / "demonstrations" / (ladder.physics[:12] or "any")
 
