@@ -32,12 +32,16 @@ def ladder(
         int, typer.Option(min=0, max=100, help="How often the reactive expert corrects networks of states, which then learn again.")
     ] = 0,
     rungs: Annotated[
-        str, typer.Option(help="Of position, velocity, two_frames (states); act, diffusion (images of --data, by lerobot-train).")
+        str,
+        typer.Option(
+            help="Of position, velocity, two_frames (states); by lerobot-train act_velocity, diffusion_velocity (states), act and "
+            "diffusion (images of --data)."
+        ),
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk, and those executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Number of networks of each kind.")] = 3,
     steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of training, of 256 frames each.")] = 5000,
-    image_steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of lerobot-train for act and diffusion.")] = 20_000,
+    image_steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of lerobot-train.")] = 20_000,
     train_options: Annotated[str, typer.Option(help="Further arguments of lerobot-train, such as '--policy.device=cuda'.")] = "",
     back: Annotated[int, typer.Option(min=1, max=1000, help="Number of frames by which two_frames looks back.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, max=1_000_000, help="Admitted scenes per task and level.")] = 20,
@@ -56,9 +60,10 @@ def ladder(
     from training.ladder.climb import Ladder, climb
     from training.ladder.features import INPUTS
     from training.ladder.image_rungs import IMAGE_RUNGS
+    from training.ladder.lerobot_states import LEROBOT_STATES
     from training.ladder.network import Settings
 
-    every = (*INPUTS, *IMAGE_RUNGS)
+    every = (*INPUTS, *LEROBOT_STATES, *IMAGE_RUNGS)
     kinds = tuple(split_list(rungs) or ())
     if not kinds:
         raise UsageError(f"--rungs {rungs!r} names nothing: choose from {', '.join(every)}")

@@ -24,6 +24,7 @@ from pipeline.evaluate.protocol import Runner
 from pipeline.report.card.ladder import RESULTS, Result
 from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
+from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
 from training.ladder.rounds import correct
@@ -105,8 +106,11 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         for seed, ((kind, (chunk, execute)), shown) in itertools.product(range(ladder.seeds), learned.items()):
             tell(f"{task}: {kind}, chunk {chunk}, seed {seed}" + f", round {number}" * (ladder.rounds > 0))
             settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed, **made_for)
-            path = train_missing(shown, settings, out / "networks" / task, ladder.weight)
-            policy = LadderForm().name(f"ladder:{path}?execute={execute}")
+            where = out / "networks" / task
+            if kind in LEROBOT_STATES:
+                policy = LadderForm().name(f"ladder:{_train_lerobot(ladder, shown, settings, execute, where)}")
+            else:
+                policy = LadderForm().name(f"ladder:{train_missing(shown, settings, where, ladder.weight)}?execute={execute}")
             first.setdefault((kind, (chunk, execute)), policy)
             network = Network(kind, chunk, execute, len(shown), number)
             wanted = evaluation(ladder, task, policy, blind(ladder.recipe))
@@ -115,6 +119,18 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
             tell(f"{task}: corrections, round {number + 1}")
             for key, policy in first.items():
                 learned[key] = [*learned[key], *correct(recipe, policy, number + 1, _find_store(ladder, out), run)]
+
+
+def _train_lerobot(ladder: Ladder, shown: Sequence[Demonstration], settings: Settings, execute: int, where: Path) -> Path:
+    """The directory of a policy of LeRobot on states, trained if it is not there.
+
+    It learns from demonstrations as an export has them: without disturbed copies, all frames drawn alike."""
+    kind, seen = LEROBOT_STATES[settings.inputs], replace(settings, inputs="velocity", copies=0)
+    dataset = state_dataset(shown, seen, where.parent.parent / "lerobot")
+    words = (*WORDS, *ladder.train_options)
+    path = image_policy(ImageTraining(kind, settings.chunk, execute, settings.seed, ladder.image_steps, words), dataset, where)
+    keep_settings(seen, path)
+    return path
 
 
 def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Cell
 from pipeline.export import EXPORTERS, Job, parse_options
+from training.ladder.demonstrations import AFTER_SUCCESS
 from training.ladder.samples import LadderError
 
 IMAGE_RUNGS = ("act", "diffusion")
@@ -27,9 +28,6 @@ SMALL = {
 """What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; for ACT no variational encoder,
 because a scripted expert has one style, and a higher rate for the backbone; for diffusion a
 normalisation that needs no statistics. Both backbones start from random weights here."""
-
-AFTER_SUCCESS = 0.0
-"""Seconds after the success with which demonstrations end: after it the hand returns, on the way on which it came."""
 
 
 @dataclass(frozen=True)
