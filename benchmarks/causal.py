@@ -192,7 +192,6 @@ def main() -> None:
         doing = verbs.add_parser(verb)
         doing.add_argument("root", type=Path)
         doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
-        doing.add_argument("--tasks", help="only these, separated by commas: processes with different tasks need different DIR")
     for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "rows", "page"))):
         telling = verbs.add_parser(verb)
         for name in names:
@@ -203,8 +202,7 @@ def main() -> None:
     elif given.verb == "describe":
         describe(given.root, given.page, given.rows)
     else:
-        tasks = given.tasks and given.tasks.split(",")
-        run(given.root, given.rows, (unit for unit in wanted[given.verb]() if not tasks or unit.task in tasks))
+        run(given.root, given.rows, wanted[given.verb]())
 
 
 if __name__ == "__main__":
