@@ -130,7 +130,7 @@ class Study:
 
     def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""
-        return list(make_demonstrations(recipe, self.demonstrations, inline))
+        return list(make_demonstrations(recipe, self.demonstrations / recipe.label, inline))
 
     @property
     def demonstrations(self) -> Path:

@@ -29,7 +29,7 @@ def build(
     progress: Annotated[
         str, typer.Option(help="bar, json (one object a line on standard output, docs/cluster.md) or none.")
     ] = "bar",
-    quiet: Annotated[bool, typer.Option(help="Same as --progress none.")] = False,
+    quiet: common.Quiet = False,
     yes: Annotated[
         bool, typer.Option("--yes", help="Build all tasks at all default levels, if no option or manifest chooses fewer.")
     ] = False,
@@ -50,8 +50,8 @@ def build(
         print(json.dumps({"event": "result", **result.__dict__}))
     else:
         lost = f", {result.workers_lost} workers lost and replaced" if result.workers_lost else ""
-        now = f"{result.made} slots worked on now, {result.given_up} given up, {result.attempts} attempts{lost}"
-        said = f"{result.accepted} of {result.slots} episodes in {out} ({now}); images: {Dataset(out).report}"
+        counts = f"{result.given_up} given up, {result.attempts} attempts in all; {result.made} slots by this run{lost}"
+        said = f"{result.accepted} of {result.slots} episodes in {out} ({counts}); images: {Dataset(out).report}"
         common.print_result(result.__dict__, as_json, said)
     for line in result.stopped:
         print(f"domino-data: {line}", file=sys.stderr)
@@ -129,7 +129,7 @@ def render(
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
     runtime_env: common.RuntimeEnv = None,
-    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    quiet: common.Quiet = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Render a dataset again: other cameras, sizes, sensors or looks, without physics. Everything else stays the same."""
@@ -140,7 +140,7 @@ def render(
     with common.resumable(out):
         result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet, flags=FLAGS | {"visuals": "--visuals"})
     lines = [
-        f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn now, {result.given_up} given up, "
+        f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn by this run, {result.given_up} given up, "
         f"{result.open} not built yet in {dataset})",
         *(f"cannot be drawn: {problem}" for problem in result.problems),
     ]

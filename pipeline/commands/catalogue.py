@@ -48,9 +48,10 @@ def motions(
     from pipeline.run.catalogue.motions import listing, write_paths
 
     check_file(paths, "--paths", "an image", ".png")
+    values = listing()
     if paths is not None:
         write_paths(paths)
-    values = listing()
+        print(f"domino-data: the paths of {len(values)} models are drawn in {paths}", file=sys.stderr)
     rows = [
         (m["name"], number, text, ", ".join(m["tasks"]) if number == 1 and len(m["tasks"]) < 10 else "")
         for m in values
@@ -76,12 +77,13 @@ def check_task(
     """Check that a task keeps its contract; exit code 1 if it does not."""
     from pipeline.motion.models import levels_of
     from pipeline.run.check_task import check_task as check
+    from pipeline.run.names import unknown_name
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import get_embodiment
 
     names = expand_tasks([name])
     if names[0] not in TASKS:
-        raise UsageError(f"no task {name!r}; `domino-data tasks` lists them")
+        raise UsageError(unknown_name("task", name, TASKS))
     known, wanted = levels_of(TASKS[names[0]].motion), tuple(numbers(levels, whole, "--levels") or ())
     if unknown := [level for level in wanted if level not in known]:
         raise UsageError(f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}")
@@ -97,11 +99,12 @@ def check_object(
 ) -> None:
     """Check that an object family or an object from files keeps its contract; exit code 1 if it does not."""
     from pipeline.run.catalogue.object_check import check_object as check
+    from pipeline.run.names import unknown_name
     from pipeline.world.objects import FAMILIES
 
     names = sorted(FAMILIES) if name == "all" else [name]
     if names[0] not in FAMILIES:
-        raise UsageError(f"no object family {name!r}; `domino-data objects` lists them")
+        raise UsageError(unknown_name("object family", name, FAMILIES))
     if images is not None:
         from pipeline.run.catalogue.gallery import write_portrait
 
@@ -218,12 +221,13 @@ def check_robot(
     as_json: AsJson = False,
 ) -> None:
     """Check that a robot can do its work; exit code 1 if a clause does not hold."""
+    from pipeline.run.names import unknown_name
     from pipeline.run.robots.check import check_robot as check
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import canonical_name
 
     wanted = [] if tasks == "none" else expand_tasks(split_list(tasks) or [])
     if unknown := [task for task in wanted if task not in TASKS]:
-        raise UsageError(f"--tasks {unknown[0]!r}: `domino-data tasks` lists them")
+        raise UsageError(f"--tasks: {unknown_name('task', unknown[0], TASKS)}")
     robot = canonical_name(name)
     print_findings({robot: [*check(robot, wanted, images)]}, as_json)

@@ -26,7 +26,7 @@ GIVEN_UP = 3
 MOST_WORKERS = 10_000
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 Root = Annotated[Path, typer.Argument(help="The dataset, a directory or URL (docs/storage.md).", metavar="DATASET")]
 
 

@@ -1,16 +1,33 @@
 """evaluate, compare, paper-table, serve-policy: policies in closed loop, against each other, beside the paper, on a WebSocket."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable, table
+from pipeline.commands.common import (
+    Address,
+    AsJson,
+    Executor,
+    Quiet,
+    UsageError,
+    Workers,
+    pool_of,
+    print_result,
+    resumable,
+    table,
+)
 from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
+from pipeline.data.store.urls import with_urls
+
+PRINTS = "policy.log"
+"""The file in OUT for what a policy prints in a process of its own that a worker started."""
 
 
 @recipe_options(*CELLS, "assets", *SETUP, levels="1", tasks="all", cameras="none", textures="unseen", rules="strict")
@@ -54,7 +71,7 @@ def evaluate(
     workers: Workers = None,
     address: Address = None,
     out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
-    quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
@@ -68,10 +85,14 @@ def evaluate(
     if instructions not in ("seen", "unseen"):
         raise UsageError(f"--instructions {instructions!r} is unknown: choose seen or unseen")
     recipe = given.recipe(without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1])
+    # each worker is a client, and a server takes one unless it was told otherwise
+    one_client = workers is None and policy.startswith("ws") and batch_wait is None
+    pool = pool_of(executor, 1 if one_client else workers, address)
+    prints = out.absolute() / PRINTS if pool.executor == "ray" and address is None else None
     wanted = evaluation_of(
         recipe,
         _images_setup(given, recipe),
-        policy_name(policy) if in_process or batch_wait is not None else isolate(policy_name(policy)),
+        policy_name(policy) if in_process or batch_wait is not None else isolate(policy_name(policy), prints),
         clock or "",
         episodes=episodes,
         seed=seed,
@@ -80,11 +101,14 @@ def evaluate(
         films=films,
         answer_seconds=answer_seconds,
     )
-    # each worker is a client, and a server takes one unless it was told otherwise
-    one_client = workers is None and policy.startswith("ws") and batch_wait is None
-    pool = pool_of(executor, 1 if one_client else workers, address)
     together = answer_together(wanted, pool, None if batch_wait is None else batch_wait / 1000)
-    with resumable(out), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar, staying(), together as shared:
+    with (
+        resumable(out),
+        name_file(prints),
+        tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar,
+        staying(),
+        together as shared,
+    ):
         runs = runner(pool, EPISODE_SECONDS + ANSWERS * answer_seconds)
         outcome = run_evaluation(shared, out, runs, manifests, bar.set_description_str)
     if outcome.faults:
@@ -100,6 +124,16 @@ def evaluate(
         for m in outcome.means
     ]
     print_result(outcome.to_dict(), as_json, "\n".join(text))
+
+
+@contextmanager
+def name_file(prints: Path | None) -> Iterator[None]:
+    """Name the file of what a policy printed at the end of the block, if it printed anything."""
+    try:
+        yield
+    finally:
+        if prints is not None and prints.is_file() and prints.stat().st_size:
+            print(f"domino-data: what the policy printed is in {with_urls(str(prints))}", file=sys.stderr)
 
 
 def _images_setup(given: Given, recipe: Recipe) -> Setup:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Executor, Root, Workers, pool_of, print_result
+from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, pool_of, print_result
 from pipeline.data.dataset import Dataset
 from pipeline.run.engine.pool import Pool
 
@@ -51,7 +51,7 @@ def verify(
     draw: Annotated[
         int, typer.Option(min=0, max=MOST_FRAMES, help="Frames of each camera to render again and compare, per episode.")
     ] = 0,
-    quiet: Annotated[bool, typer.Option(help="No progress bar.")] = False,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Check everything that a dataset promises; exit code 1 if something does not hold or cannot be compared."""

@@ -129,10 +129,13 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
     return PolicyName(text, label)
 
 
-def isolate(name: PolicyName) -> PolicyName:
-    """The same policy in a process of its own, if its code is a file's or that of a form in LOADED. Other names are unchanged."""
+def isolate(name: PolicyName, prints: Path | None = None) -> PolicyName:
+    """The same policy in a process of its own, if its code is a file's or that of a form in LOADED. Other names are unchanged.
+
+    What it prints is appended to the file `prints`.
+    """
     loaded = name.text.endswith(".py") or name.text.partition(":")[0] in LOADED
-    return replace(name, process="own") if loaded else name
+    return replace(name, process="own", prints=prints) if loaded else name
 
 
 def identify(name: PolicyName, start: Start) -> PolicyName:

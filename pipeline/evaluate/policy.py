@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any, NoReturn, Protocol, runtime_checkable
 
 import numpy as np
@@ -148,16 +149,21 @@ class SeesTruth(Protocol):
 @dataclass(frozen=True)
 class PolicyName:
     """How a policy was asked for. `label` names it in results: a file carries a hash of its text. `probe` is a hash of how a server
-    answers a fixed question, "" for other policies. `process` is one of PROCESSES."""
+    answers a fixed question, "" for other policies. `process` is one of PROCESSES. What a policy in a process of its own
+    prints is appended to the file `prints`; without one it goes to standard error."""
 
     text: str
     label: str
     probe: str = ""
     process: str = "evaluator"
+    prints: Path | None = None
 
 
 def line_of(error: BaseException) -> str:
     """The type and the message of an error that foreign code raised, in one printable line of bounded length."""
+    if isinstance(error, SystemExit):
+        code = error.code if isinstance(error.code, str) else f"exit code {error.code or 0}"
+        return line_of_text(f"the process ended by itself: {code}")
     try:
         text = str(error)
     except Exception:  # noqa: BLE001 (its __str__ is foreign code too)
@@ -202,7 +208,7 @@ def staying() -> Iterator[None]:
     def refuse(name: str, *arguments: object) -> NoReturn:
         if os.getpid() != own:
             leaving[name](*arguments)
-        raise SystemExit(f"os.{name}({arguments[0]})")
+        raise SystemExit(f"exit code {arguments[0]} (os._exit)" if name == "_exit" else f"os.{name}({arguments[0]})")
 
     for name in leaving:
         setattr(os, name, partial(refuse, name))

@@ -60,8 +60,8 @@ def mismatch(wanted: Contract, given: Served) -> str:
             has = line_of_text(", ".join(given.image_sizes)) or "none"
             return f"cameras: the policy needs {line_of_text(camera)}, the evaluation shows {has}: name it in --cameras"
         if tuple(size) != tuple(has := given.image_sizes[camera]):
-            helps = f"--size {size[1]}x{size[0]}"
-            return f"image size of {line_of_text(camera)}: the policy has {_size(size)}, the evaluation {_size(has)}: add {helps}"
+            ours, theirs = (f"{width}x{height}" for height, width in (size, has))
+            return f"image size of {line_of_text(camera)}: the policy has {ours}, the evaluation {theirs}: add --size {ours}"
     return ""
 
 
@@ -127,7 +127,3 @@ def _write_option(value: Any) -> str:
 
 def _names(names: tuple[str, ...]) -> str:
     return f"{len(names)} ({line_of_text(' '.join(names))})"
-
-
-def _size(size: tuple[int, int]) -> str:
-    return f"{size[0]}x{size[1]}"

@@ -106,8 +106,8 @@ def _stratified_interval(groups: Sequence[Sequence[float]], resamples: int = 200
 
 
 def table(cells: Sequence[Row]) -> str:
-    """The cells as aligned text. `truth` marks policies that are shown the simulation."""
-    head = f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5} {'n':>4}"
+    """The cells as aligned text. `truth` marks policies that are shown the simulation, `process` is where they ran."""
+    head = f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10} {'rules':15} {'truth':5} {'process':9} {'n':>4}"
     lines = [f"{head}  SR % (95 %)        RC     MS  hold s  failures"]
     for c in cells:
         low, high = c["success_interval"]
@@ -116,7 +116,7 @@ def table(cells: Sequence[Row]) -> str:
         hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
         lines.append(
             f"{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g} {c['domain']:10} {c['rules']:15} "
-            f"{'sees' if c['sees_truth'] else '-':5} {c['episodes']:4}  "
+            f"{'sees' if c['sees_truth'] else '-':5} {c['process']:9} {c['episodes']:4}  "
             f"{c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {scores}  {hold:>6}  {why}"
         )
     return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -39,8 +39,7 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     tasks = expand_tasks(recipe.tasks)
     for task in tasks:
         if task not in TASKS:
-            near = ", ".join(get_close_matches(task, TASKS, 3))
-            raise RecipeError(f"{source}: no task {show_value(task)}{near and f', but {near}'}; `domino-data tasks` lists them")
+            raise RecipeError(f"{source}: {unknown_name('task', task, TASKS)}")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
     except UnknownEmbodiment as error:
@@ -63,6 +62,12 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     except DominoError as error:
         raise RecipeError(str(error).replace("--policy", where("corrections"), 1)) from error
     return recipe.model_copy(update={"corrections": corrections, "objects": objects})
+
+
+def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
+    """What is wrong with the name of a task or an object family that does not exist, and the names that are close to it."""
+    near = ", ".join(get_close_matches(str(name), known, 3))
+    return f"no {kind} {show_value(name)}{near and f', but {near}'}; `domino-data {kind.split()[0]}s` lists them"
 
 
 def named_policy(corrections: Corrections) -> Corrections:
@@ -167,9 +172,9 @@ def _check_objects(recipe: Recipe, where: str) -> dict[str, tuple[str, ...]]:
     for key, names in recipe.objects.items():
         task, _, family = key.rpartition(".")
         if family not in FAMILIES or stands_for(FAMILIES[family]) is not None:
-            raise RecipeError(f"{where} no object family {show_value(family)}; `domino-data objects` lists them")
+            raise RecipeError(f"{where} {unknown_name('object family', family, FAMILIES)}")
         if task and task not in TASKS:
-            raise RecipeError(f"{where} no task {show_value(task)}; `domino-data tasks` lists them")
+            raise RecipeError(f"{where} {unknown_name('task', task, TASKS)}")
         wanted_by = {task: families_of(TASKS[task])} if task else drawn
         if not any(family in families for families in wanted_by.values()):
             theirs = ", ".join(sorted(frozenset[str]().union(*wanted_by.values())))

@@ -98,7 +98,7 @@ class Cost:
         minutes = 60 * self.hours(episodes, workers)
         time = f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"
         amount = format_size(episodes * self.size)
-        return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (from {self.source})"
+        return f"about {time} on {workers} worker{'' if workers == 1 else 's'} and {amount} (estimated from {self.source})"
 
 
 def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:

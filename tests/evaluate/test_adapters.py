@@ -331,7 +331,7 @@ def test_a_policy_of_lerobot_is_evaluated(act_directory):
 @pytest.mark.parametrize(
     ("sizes", "names", "both"),
     [
-        ({"head_camera": (240, 320)}, NAMES, ("24x32", "240x320")),
+        ({"head_camera": (240, 320)}, NAMES, ("32x24", "320x240")),
         ({"left_camera": (24, 32)}, NAMES, ("head_camera", "left_camera")),
         ({"head_camera": (24, 32)}, NAMES[:7], ("14", "7")),
     ],

@@ -44,9 +44,9 @@ MISBEHAVIOUR = {
     "objects": ("return [None] * self.length", INVALID_ACTION, "type object"),
     "ragged": ("return [[1.0], [1.0, 2.0]]", INVALID_ACTION, "is no array: ValueError"),
     "exception": ("raise KeyError('left\\n\\x1b[2Jarm')", NO_ANSWER, "KeyError: 'left"),
-    "exit": ("sys.exit(0)", NO_ANSWER, "SystemExit: 0"),
-    "hard exit": ("os._exit(0)", NO_ANSWER, "SystemExit: os._exit(0)"),
-    "exec": ("os.execvp('true', ['true'])", NO_ANSWER, "SystemExit: os.execv("),
+    "exit": ("sys.exit(0)", NO_ANSWER, "the process ended by itself: exit code 0"),
+    "hard exit": ("os._exit(0)", NO_ANSWER, "the process ended by itself: exit code 0 (os._exit)"),
+    "exec": ("os.execvp('true', ['true'])", NO_ANSWER, "the process ended by itself: os.execv("),
     "silent": ("time.sleep(60)", NO_ANSWER, "no answer in 0.3 s"),
     "nothing": ("return None", INVALID_ACTION, "type object"),
 }
@@ -139,9 +139,9 @@ def test_all_answers_of_an_episode_have_a_limit_together(tmp_path):
     [
         ("def make_policy(): raise KeyError('weights')", "KeyError: 'weights'"),
         ("def make_policy(size): return 1", "missing 1 required positional argument: 'size'"),
-        ("import sys\ndef make_policy(): sys.exit(0)", "SystemExit: 0"),
-        ("import sys\ndef make_policy(): sys.exit(3)", "SystemExit: 3"),
-        ("raise SystemExit", "cannot be loaded: SystemExit"),
+        ("import sys\ndef make_policy(): sys.exit(0)", "the process ended by itself: exit code 0"),
+        ("import sys\ndef make_policy(): sys.exit(3)", "the process ended by itself: exit code 3"),
+        ("raise SystemExit", "cannot be loaded: the process ended by itself: exit code 0"),
         ("def make_policy(:", "SyntaxError"),
         ("x = 1", "has no function make_policy"),
         ("def make_policy(): return 7", "int without a method reset"),
@@ -160,8 +160,11 @@ def test_a_policy_that_cannot_be_made_is_one_line(tmp_path, text, said):
     [
         ("contract = Contract(rate=50)", "the policy has 50 Hz, the evaluation 15 Hz"),
         ("fps = 30", "--fps 30"),
-        ("setup = property(lambda self: sys.exit(0))", "attribute setup cannot be read: SystemExit: 0"),
-        ("contract = property(lambda self: os._exit(0))", "attribute contract cannot be read: SystemExit: os._exit(0)"),
+        ("setup = property(lambda self: sys.exit(0))", "attribute setup cannot be read: the process ended by itself: exit code 0"),
+        (
+            "contract = property(lambda self: os._exit(0))",
+            "contract cannot be read: the process ended by itself: exit code 0 (os._exit)",
+        ),
     ],
 )
 def test_a_policy_that_cannot_be_tried_is_refused_before_any_scene_is_admitted(tmp_path, line, said):
@@ -205,7 +208,7 @@ class Far:
     ("answer", "ending", "said"),
     [
         (lambda n: np.full(14, np.nan), INVALID_ACTION, "the action is not finite"),
-        (lambda n: sys.exit(0), NO_ANSWER, "SystemExit: 0"),
+        (lambda n: sys.exit(0), NO_ANSWER, "the process ended by itself: exit code 0"),
         (lambda n: {}["x"], NO_ANSWER, "KeyError: 'x'"),
         (lambda n: time.sleep(1.5), NO_ANSWER, "no answer in 0.5 s"),
     ],

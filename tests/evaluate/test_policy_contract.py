@@ -25,7 +25,7 @@ def test_a_policy_without_wishes_fits_everything():
     [
         (Contract(action_names=("left_a", "right_gripper")), ("left_a right_gripper", "left_a left_gripper")),
         (Contract(action_names=("left_gripper", "left_a")), ("left_gripper left_a", "left_a left_gripper")),
-        (Contract(image_sizes={"head_camera": (480, 640)}), ("480x640", "240x320")),
+        (Contract(image_sizes={"head_camera": (480, 640)}), ("640x480", "320x240")),
         (Contract(image_sizes={"left_camera": (240, 320)}), ("left_camera", "head_camera")),
         (Contract(rate=50), ("50 Hz", "15 Hz")),
         (Contract(chunk=5000), ("5000", "1000")),

@@ -39,7 +39,7 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
         assert code == 0 and "of 3 accepted" in out, err
         code, out, err = inside("build", *WANTED, "--out", URL, "--quiet", "--executor", "inline")
         assert code == 0 and f"3 of 3 episodes in {URL}" in out and f"images: {URL}/report/index.html" in out, err
-        assert f"({3 - len(finished)} slots worked on now" in out
+        assert f"{3 - len(finished)} slots by this run" in out
         # nothing was read of what was there but what the report shows
         assert all(not name.endswith(".npz") for name in fetched)
         shutil.rmtree(tmp_path / "elsewhere")

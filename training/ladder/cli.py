@@ -8,7 +8,18 @@ from typing import Annotated
 import typer
 from tqdm import tqdm
 
-from pipeline.commands.common import Address, AsJson, Executor, UsageError, Workers, pool_of, print_result, resumable, split_list
+from pipeline.commands.common import (
+    Address,
+    AsJson,
+    Executor,
+    Quiet,
+    UsageError,
+    Workers,
+    pool_of,
+    print_result,
+    resumable,
+    split_list,
+)
 from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.data.parsing import whole
 
@@ -49,7 +60,7 @@ def ladder(
     workers: Workers = None,
     address: Address = None,
     out: Annotated[Path, typer.Option(help="Directory of all results; rerun the same command to resume.")] = Path("OUT"),
-    quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
+    quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare state networks with and without velocity on moving targets of levels 0-3; they train in minutes."""

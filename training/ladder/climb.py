@@ -13,6 +13,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.disk import check_directory
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.rules import Corrections
 from pipeline.data.setup import Setup
 from pipeline.evaluate.adapters.lerobot import LerobotForm
 from pipeline.evaluate.case import blind
@@ -27,7 +28,6 @@ from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy
 from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
-from training.ladder.rounds import correct
 from training.ladder.samples import LadderError, samples, weights
 from training.ladder.tables import Tried, summary, write_results
 from training.ladder.training import train
@@ -118,7 +118,11 @@ def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         if number < ladder.rounds:
             tell(f"{task}: corrections, round {number + 1}")
             for key, policy in first.items():
-                learned[key] = [*learned[key], *correct(recipe, policy, number + 1, _find_store(ladder, out), run)]
+                corrections = _make(ladder, _correcting(recipe, policy, number + 1), out, run)
+                if not corrections:
+                    failed = f"{task}: the expert finished no episode that {policy.label} began"
+                    raise LadderError(f"{failed}; name fewer --rounds than {number + 1}, or more --demonstrations")
+                learned[key] = [*learned[key], *corrections]
 
 
 def _train_lerobot(ladder: Ladder, shown: Sequence[Demonstration], settings: Settings, execute: int, where: Path) -> Path:
@@ -155,10 +159,7 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
 
 def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
     """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
-    if ladder.data is None:
-        shown = list(make_demonstrations(recipe, _find_store(ladder, out), run))
-    else:
-        shown = list(read_demonstrations(ladder.data, recipe.cells()))
+    shown = _make(ladder, recipe, out, run) if ladder.data is None else list(read_demonstrations(ladder.data, recipe.cells()))
     for dataset in ladder.corrections:
         shown += read_demonstrations(dataset, recipe.cells())
     if not shown:
@@ -166,9 +167,17 @@ def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> l
     return shown
 
 
-def _find_store(ladder: Ladder, out: Path) -> Path:
-    """Where the demonstrations of this version of the program are kept."""
-    return out / "demonstrations" / (ladder.physics[:12] or "any")
+def _make(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
+    """The demonstrations of a recipe; they are kept by version of the program, label and seed."""
+    name = recipe.label + f"-seed{recipe.seed}" * (recipe.seed != 0)
+    return list(make_demonstrations(recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / name, run))
+
+
+def _correcting(recipe: Recipe, policy: PolicyName, number: int) -> Recipe:
+    """The recipe of the corrections of a policy in round `number`, from 1: as many of each cell as there are demonstrations, in the
+    scenes of the seed plus `number`."""
+    corrections = Corrections(policy=policy.text, label=policy.label)
+    return recipe.model_copy(update={"seed": recipe.seed + number, "corrections": corrections})
 
 
 def train_missing(shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0) -> Path:

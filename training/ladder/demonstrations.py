@@ -110,11 +110,7 @@ def fill(job: SlotJob, perform: Perform | None = None) -> Demonstration | None:
 
 
 def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
-    """Demonstrations of every slot of the recipe in the order of slots.
-
-    What is missing below `where` is made and kept there, apart from what belongs to recipes with other labels or seeds.
-    """
-    where /= recipe.label + f"-seed{recipe.seed}" * (recipe.seed != 0)
+    """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
     slots = list(recipe.physical_slots())
     missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
     for job, found in run(fill, missing) if missing else ():

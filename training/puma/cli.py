@@ -20,7 +20,7 @@ Configuration = Annotated[str, typer.Option("--config", help="A YAML file, or th
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A key of the configuration, such as train.steps=1000.")]
 Datasets = Annotated[list[Path] | None, typer.Option("--data", help="A dataset directory; several make a mixture of equal shares.")]
 Out = Annotated[Path, typer.Option(help="Directory of the run; rerun the same command to resume.")]
-Quiet = Annotated[bool, typer.Option(help="No progress bar.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
 
 

@@ -1,7 +1,8 @@
 """Finds targets in all frames of a corpus: trains the finder, follows every episode with it, and places the tools beside."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,9 +47,14 @@ def follow(corpus: Corpus, network: Puma, trained: bool = False, quiet: bool = T
         return corpus
     if not trained:
         _train(finder, sight, corpus, quiet)
+    return with_tracks(corpus, network, partial(_find_tracks, finder, sight, corpus.config.data.cameras[0]), trained)
+
+
+def with_tracks(corpus: Corpus, network: Puma, tracks: Callable[[Cache], NDArray[np.float32]], trained: bool = False) -> Corpus:
+    """The corpus with the arrays of `follow`, of which `tracks` gives the first for the frames of a cache."""
     parts = [*corpus.train, *corpus.validation]
     caches = {id(part.cache): part.cache for part in parts}
-    followed = {key: _add_track(cache, finder, corpus) for key, cache in caches.items()}
+    followed = {key: _add_arrays(cache, tracks(cache)) for key, cache in caches.items()}
     train, validation = (
         [replace(part, cache=followed[id(part.cache)]) for part in some] for some in (corpus.train, corpus.validation)
     )
@@ -164,22 +170,26 @@ class _View:
         return self.images[self.number]
 
 
-def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
-    """The cache with `track`, `tools` and `choice`."""
-    sight, arrays = corpus.preprocessing.sight, cache.arrays
-    assert sight is not None
-    images = arrays[f"image_{corpus.config.data.cameras[0]}"]
+def _find_tracks(finder: FinderNet, sight: Sight, camera: str, cache: Cache) -> NDArray[np.float32]:
+    """What the finder sees in all frames (N,2K+2) of a cache, each episode followed from its first frame."""
+    images, out = cache.arrays[f"image_{camera}"], list[NDArray[np.float32]]()
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
-    tracks, choices = list[NDArray[np.float32]](), list[NDArray[np.int64]]()
-    for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
+    for start, length in zip(cache.start, cache.length, strict=True):
         track = Track(sight)
-        choices.append(np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length))
         for i in range(start, start + length):
-            track.see(float(arrays["time"][i]), points[i], errors[i])
-            tracks.append(track.numbers)
+            track.see(float(cache.arrays["time"][i]), points[i], errors[i])
+            out.append(track.numbers)
+    return np.stack(out)
+
+
+def _add_arrays(cache: Cache, tracks: NDArray[np.float32]) -> Cache:
+    """The cache with `track`, `tools` and `choice`."""
+    arrays, choices = cache.arrays, list[NDArray[np.int64]]()
+    for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
+        choices.append(np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length))
     tools = tools_of(cache.rows[0].embodiment, arrays["state"])
-    return replace(cache, arrays={**arrays, "track": np.stack(tracks), "tools": tools, "choice": np.concatenate(choices)})
+    return replace(cache, arrays={**arrays, "track": tracks, "tools": tools, "choice": np.concatenate(choices)})
 
 
 def choice_of(names: Sequence[str], actions: NDArray[Any]) -> int:

@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,11 @@ class Result:
     rows: list[dict[str, Any]]
 
 
-def train(config: Config, out: Path, steps: int | None = None, quiet: bool = False) -> Result:
+Track = Callable[[Corpus, Puma, bool, bool], Corpus]
+"""Adds what a network sees of targets to a corpus, as training.puma.tracking.follow does."""
+
+
+def train(config: Config, out: Path, steps: int | None = None, quiet: bool = False, track: Track = follow) -> Result:
     """Train until `train.steps`, or until `steps` have been done in all, from the newest checkpoint in `out` if there is one.
 
     Raises TrainError for bad input, and for a directory that holds a run of another configuration.
@@ -81,7 +85,7 @@ def train(config: Config, out: Path, steps: int | None = None, quiet: bool = Fal
             checkpoint.begin_from(network, checkpoint.load(config.train.start).path)
     else:
         network = shell_of(config, sizes)
-    corpus = follow(corpus, network, bool(held or config.train.start is not None), quiet or not main)
+    corpus = track(corpus, network, bool(held or config.train.start is not None), quiet or not main)
     loader = Loader(corpus, network.words, Share(accelerator.process_index, accelerator.num_processes))
     if held:
         step = runs.resume(held[-1], loader, corpus)

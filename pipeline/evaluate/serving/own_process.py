@@ -6,7 +6,7 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from multiprocessing.connection import Connection
 from socket import socketpair
 from typing import Any
@@ -65,11 +65,14 @@ class _Pipe:
 
     def __init__(self, name: PolicyName) -> None:
         ours, theirs = socketpair()
-        with theirs:
+        if name.prints:
+            name.prints.parent.mkdir(parents=True, exist_ok=True)
+        with theirs, open(name.prints, "ab") if name.prints else nullcontext(2) as prints:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", CHILD, str(theirs.fileno()), name.text, name.label],
                 stdin=subprocess.DEVNULL,
-                stdout=2,  # what a policy prints is no part of a result
+                stdout=prints,  # what a policy prints is no part of a result
+                stderr=prints,
                 pass_fds=[theirs.fileno()],
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                 start_new_session=True,

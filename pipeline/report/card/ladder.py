@@ -11,6 +11,7 @@ RESULTS = "ladder.json"
 """Name of the file of results."""
 
 ROUNDS = "`round` counts how often they were corrected and trained again (DAgger). "
+"""The sentence of a card whose table has rounds."""
 
 
 class Score(TypedDict):

@@ -52,7 +52,7 @@ def test_a_served_policy_answers_as_the_local_one(run: Path):
         for k in range(4):
             np.testing.assert_array_equal(remote.act(seen(2 * k / 15)), local.act(seen(2 * k / 15)))
         remote.close()
-        with pytest.raises(PolicyError, match="image size of left_camera: the policy has 240x320, the evaluation 24x32"):
+        with pytest.raises(PolicyError, match="the policy has 320x240, the evaluation 32x24: add --size 320x240"):
             given = start()
             remote.reset(
                 Start(
