@@ -173,7 +173,7 @@ def _add_track(cache: Cache, finder: FinderNet, corpus: Corpus) -> Cache:
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
     tracks, choices = list[NDArray[np.float32]](), list[NDArray[np.int64]]()
     for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
-        track = Track(sight)
+        track = Track(sight, finder.settings.memory)
         choices.append(np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length))
         for i in range(start, start + length):
             track.see(float(arrays["time"][i]), points[i], errors[i])
