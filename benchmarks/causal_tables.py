@@ -74,8 +74,13 @@ def exploratory() -> Iterator[tuple[str, int, Side, Side]]:
         yield TASKS[0], level, ("reactive", n), ("planned", n)
 
 
-def contrasts(rows: Sequence[Row], wanted: Iterable[tuple[str, int, Side, Side]]) -> Iterator[list[object]]:
-    """A line for each contrast that has a seed in both arms: the rates and the difference in points, with its interval and p."""
+def contrasts(rows: Sequence[Row], wanted: Iterable[tuple[str, int, Side, Side]]) -> list[list[object]]:
+    """The lines of `differences`."""
+    return [line for line, _ in differences(rows, wanted)]
+
+
+def differences(rows: Sequence[Row], wanted: Iterable[tuple[str, int, Side, Side]]) -> Iterator[tuple[list[object], float]]:
+    """A line for each contrast that has a seed in both arms, and p: the rates, the difference in points with its interval, p."""
     for task, level, *sides in wanted:
         rates = Rates(rows, task, level)
         if not (seeds := rates.seeds(*sides)):
@@ -86,14 +91,8 @@ def contrasts(rows: Sequence[Row], wanted: Iterable[tuple[str, int, Side, Side]]
         effect = f"{100 * np.mean(one - other):+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
         first, second = (arm if sides[0][1] == sides[1][1] else f"{arm} (N = {n})" for arm, n in sides)
         name = f"{task}, level {level}" + (f", N = {sides[0][1]}" if sides[0][1] == sides[1][1] else "")
-        yield [
-            f"{name}: {first} - {second}",
-            len(seeds),
-            f"{100 * one.mean():.0f} %",
-            f"{100 * other.mean():.0f} %",
-            effect,
-            f"{p:.2g}",
-        ]
+        share = [f"{100 * side.mean():.0f} %" for side in (one, other)]
+        yield [f"{name}: {first} - {second}", len(seeds), *share, effect, f"{p:.2g}"], p
 
 
 def shares(rows: Sequence[Row]) -> Iterator[list[object]]:
@@ -117,8 +116,8 @@ def report(rows: Path, page: Path, plot: Path) -> None:
     """Write the tables into PAGE.md, between their marks, and the curves into PLOT.png."""
     found = read(rows)
     columns = ("contrast", "networks an arm", "first", "second", "difference (points)", "p")
-    fill_in(page, "contrasts", markdown(columns, list(contrasts(found, registered()))))
-    fill_in(page, "exploratory", markdown(columns, list(contrasts(found, exploratory()))))
+    fill_in(page, "contrasts", markdown(columns, contrasts(found, registered())))
+    fill_in(page, "exploratory", markdown(columns, contrasts(found, exploratory())))
     fill_in(page, "shares", markdown(("scenes", "networks an arm", "share of the difference (95 %)"), list(shares(found))))
     tasks = [task for task in TASKS if any(r["task"] == task for r in found)]
     figure, panels = plt.subplots(
