@@ -81,6 +81,8 @@ class Study:
     def network(self, unit: Unit) -> Path:
         """The directory of a trained network."""
         folder = self.root / "networks" / unit.task / f"{unit.kind}-{unit.sight}-{unit.seed}"
+        if policies(folder):
+            return folder
         shown = ["reactive", "corrected"] if unit.kind == "corrected" else [unit.kind]
         words = ["train", "--config", CONFIGS[unit.sight], "--out", str(folder), "--quiet"]
         words += ["--set", f"data.cache={self.root / 'cache'}", "--set", f"train.seed={unit.seed}"]
@@ -97,11 +99,16 @@ class Study:
             if kind == "planned":
                 words += ["--expert", "planned"]
             if kind == "corrected":
-                [policy] = self.network(Unit(task, "reactive", "history", 0)).glob("checkpoints/*/policy.py")
+                [policy] = policies(self.network(Unit(task, "reactive", "history", 0)))
                 words += ["--seed", str(CORRECTION_SEED), "--corrections", str(policy)]
             call("pipeline.cli", [*words, "--workers", "1", "--quiet"], (0, GIVEN_UP))
             call("pipeline.cli", ["export", str(folder), "--format", "parquet", "--quiet"])
         return folder
+
+
+def policies(run: Path) -> list[Path]:
+    """The policy of a run that is finished: it has one checkpoint, at its last step."""
+    return list(run.glob("checkpoints/*/policy.py"))
 
 
 def call(module: str, words: Sequence[str], fine: Sequence[int] = (0,)) -> str:
@@ -216,7 +223,7 @@ def plot(rows: Sequence[Row], tasks: Sequence[str], path: Path) -> None:
                 places = [place + 0.4 * number - 0.2 for place, *_ in there]
                 ax.bar(places, means, 0.36, yerr=bars, capsize=2, color=f"C{number}", label=("with history", "one image")[number])
         ax.set_xticks(range(len(KINDS)), KINDS)
-        ax.set(title=f"{task}, level {level}", ylim=(0, 100))
+        ax.set(title=f"{task}, level {level}", xlim=(-0.5, len(KINDS) - 0.5), ylim=(0, 100))
     for ax in panels[:, 0]:
         ax.set_ylabel("success (%)")
     panels[0, -1].legend(fontsize=7)
