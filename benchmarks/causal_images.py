@@ -74,7 +74,7 @@ class Study:
         words = ["eval", str(folder), "--tasks", unit.task, "--embodiment", "aloha", "--levels", levels, "--episodes", str(SCENES)]
         words += ["--seed", str(SCENE_SEED), "--manifests", str(self.root / "manifests"), "--executor", "inline"]
         words += ["--out", str(folder / "evaluation"), "--quiet", "--json"]
-        for cell in json.loads(call("training.puma.cli", words))["cells"]:
+        for cell in json.loads(call("training.puma.cli", words))["results"]:
             key = {"task": unit.task, "n": N, "seed": unit.seed, "arm": unit.arm}
             yield {**key, "level": cell["level"], "tried": cell["episodes"], "solved": sorted(cell["solved_seeds"])}
 
