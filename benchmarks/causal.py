@@ -1,23 +1,25 @@
 """The study of docs/science/preregistration.md: what networks learn from planned and reactive demonstrations, and from corrections.
 
 python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the addendum
+python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the first addendum
+python -m benchmarks.causal widen DIR [--rows FILE]    the same for those of the second: more tasks, data and inputs
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
-python -m benchmarks.causal describe DIR PAGE.md       what the demonstrations of click_bell look like, 150 a level
+python -m benchmarks.causal describe DIR FILE PAGE.md  what the demonstrations of the rows look like
 
-A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "level", "tried", "solved"}, scenes by seed.
+A row of FILE is one network on the scenes of one level: {"task", "n", "arm", "seed", "inputs", "level", "tried", "solved"}, scenes
+by seed. Rows without "inputs" are of networks that see the target's velocity.
 """
 
 import argparse
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, Row, fill_in, read, report
+from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED, Row, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
@@ -38,7 +40,7 @@ EXPLORED = (
     *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
 )
-"""The units of the addendum, on the first task, in their order."""
+"""The units of the first addendum, on the first task, in their order."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class Unit:
     n: int
     seed: int
     arm: str
+    inputs: str = SETTINGS.inputs
 
 
 def units() -> Iterator[Unit]:
@@ -58,9 +61,16 @@ def units() -> Iterator[Unit]:
 
 
 def explored() -> Iterator[Unit]:
-    """The networks of the addendum."""
+    """The networks of the first addendum."""
     for n, arm, seed in EXPLORED:
         yield Unit(TASKS[0], n, seed, arm)
+
+
+def widened() -> Iterator[Unit]:
+    """The networks of the second addendum."""
+    for seeds, (task, n, arms, inputs) in itertools.product(((0, 1), (2,)), WIDENED):
+        for seed, arm in itertools.product(seeds, arms):
+            yield Unit(task, n, seed, arm, inputs)
 
 
 class Study:
@@ -73,7 +83,7 @@ class Study:
         """A network on the scenes of each level."""
         path = self.network(self.shown(unit), unit)
         recipe = self.recipe(unit.task, SCENES)
-        ladder = Ladder(recipe, ("velocity",), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
+        ladder = Ladder(recipe, (unit.inputs,), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
         wanted = evaluation(ladder, unit.task, LadderForm().name(f"ladder:{path}?execute={EXECUTE}"), blind(recipe))
         outcome = evaluate(wanted, self.root / "evaluations", inline)
         manifest = {cell["level"]: cell for cell in outcome.cells}
@@ -83,13 +93,17 @@ class Study:
 
     def network(self, shown: Sequence[Demonstration], unit: Unit) -> Path:
         """The file of a trained network."""
-        return train_missing(shown, replace(SETTINGS, seed=unit.seed), self.root / "networks" / unit.task)
+        return train_missing(shown, replace(SETTINGS, seed=unit.seed, inputs=unit.inputs), self.root / "networks" / unit.task)
 
     def shown(self, unit: Unit) -> list[Demonstration]:
         """What the network of a unit learns from."""
         recipe, half = self.recipe(unit.task, unit.n), self.recipe(unit.task, unit.n // 2)
         if unit.arm == "foresighted":
             return self.foresighted(unit.task, unit.n)
+        if unit.arm == "half":
+            return self.half_and_half(unit)
+        if unit.arm == "static":
+            return self.demonstrate(recipe.model_copy(update={"levels": (0,), "episodes": len(LEVELS) * unit.n}))
         if unit.arm != "takeovers":
             return self.demonstrate(recipe.model_copy(update={"expert": unit.arm}))
         planned = self.demonstrate(half)
@@ -99,6 +113,16 @@ class Study:
             *self.demonstrate(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})),
         ]
 
+    def half_and_half(self, unit: Unit) -> list[Demonstration]:
+        """By level, planned demonstrations of the first half of the slots and reactive ones of the others."""
+        planned = self.shown(replace(unit, arm="planned", n=unit.n // 2))
+        former = self.shown(replace(unit, arm="reactive", n=unit.n // 2))
+        reactive, out = self.shown(replace(unit, arm="reactive")), list[Demonstration]()
+        for level in LEVELS:
+            first, skipped, every = ([d for d in shown if d.cell.level == level] for shown in (planned, former, reactive))
+            out += first + every[len(skipped) :]
+        return out
+
     def foresighted(self, task: str, n: int) -> list[Demonstration]:
         """The demonstrations of the expert that follows a target whose future it knows."""
         recipe = self.recipe(task, n).model_copy(update={"expert": "reactive"})
@@ -106,7 +130,7 @@ class Study:
 
     def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""
-        return list(make_demonstrations(recipe, self.demonstrations / recipe.label, inline))
+        return list(make_demonstrations(recipe, self.demonstrations, inline))
 
     @property
     def demonstrations(self) -> Path:
@@ -122,27 +146,30 @@ def run(root: Path, rows: Path, wanted: Iterable[Unit]) -> None:
     """Do the units that are missing in `rows`."""
     root.mkdir(parents=True, exist_ok=True)
     found = read(rows) if rows.exists() else []
-    done, study = {tuple(row[key] for key in ("task", "n", "seed", "arm")) for row in found}, Study(root)
+    done, study = {tuple(row[field.name] for field in fields(Unit)) for row in found}, Study(root)
     for unit in wanted:
-        if (unit.task, unit.n, unit.seed, unit.arm) not in done:
+        if tuple(vars(unit).values()) not in done:
             new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
             with rows.open("a") as file:
                 file.write(new)
             print(unit, flush=True)
 
 
-def describe(root: Path, page: Path) -> None:
-    """Write into PAGE.md how the hands of each arm's demonstrations move: 150 a level of the first task."""
-    study, n = Study(root), max(SIZES)
-    arms = {arm: study.shown(Unit(TASKS[0], n, 0, arm)) for arm in ("planned", "foresighted", "reactive")}
-    lines = list[list[object]]()
-    for level, (arm, shown) in itertools.product(LEVELS, arms.items()):
-        mine = [d for d in shown if d.cell.level == level]
-        until, length, apart = np.median([approach(d) for d in mine], axis=0)
-        again = np.mean([d.untouched > 1.5 * until * FPS for d in mine])
-        lines.append([level, arm, len(mine), f"{until:.1f}", f"{100 * again:.0f} %", f"{length:.2f}", f"{1000 * apart:.0f}"])
-    columns = ("level", "arm", "episodes", "until the touch (s)", "longer by half", "path (m)", "speed off the target's (mm/s)")
-    fill_in(page, "demonstrations", markdown(columns, lines))
+def describe(root: Path, page: Path, rows: Path) -> None:
+    """Write into PAGE.md how the hands of each arm's demonstrations move, of the tasks that have rows: most have 150 a level."""
+    study, lines = Study(root), list[list[object]]()
+    sizes = {TASKS[0]: max(SIZES)} | {task: n for task, n, _, _ in WIDENED if task != TASKS[0]}
+    found = {(row["task"], row["n"], row["arm"]) for row in read(rows)}
+    for (task, n), arm in itertools.product(sizes.items(), ("planned", "foresighted", "reactive")):
+        shown = study.shown(Unit(task, n, 0, arm)) if (task, n, arm) in found else []
+        for level in LEVELS if shown else ():
+            mine = [d for d in shown if d.cell.level == level]
+            until, length, apart = np.median([approach(d) for d in mine], axis=0)
+            again = np.mean([d.untouched > 1.5 * until * FPS for d in mine])
+            numbers = (f"{until:.1f}", f"{100 * again:.0f} %", f"{length:.2f}", f"{1000 * apart:.0f}")
+            lines.append([task, level, arm, f"{len(mine)} of {n}", *numbers])
+    columns = ("until the touch (s)", "longer by half", "path (m)", "speed off the target's (mm/s)")
+    fill_in(page, "demonstrations", markdown(("task", "level", "arm", "episodes", *columns), lines))
 
 
 def approach(d: Demonstration) -> tuple[float, float, float]:
@@ -160,11 +187,12 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     verbs = parser.add_subparsers(dest="verb", required=True)
-    for verb in ("run", "explore"):
+    wanted = {"run": units, "explore": explored, "widen": widened}
+    for verb in wanted:
         doing = verbs.add_parser(verb)
         doing.add_argument("root", type=Path)
         doing.add_argument("--rows", type=Path, default=Path("docs/science/causal_rows.jsonl"))
-    for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "page"))):
+    for verb, names in (("report", ("rows", "page", "plot")), ("describe", ("root", "rows", "page"))):
         telling = verbs.add_parser(verb)
         for name in names:
             telling.add_argument(name, type=Path)
@@ -172,9 +200,9 @@ def main() -> None:
     if given.verb == "report":
         report(given.rows, given.page, given.plot)
     elif given.verb == "describe":
-        describe(given.root, given.page)
+        describe(given.root, given.page, given.rows)
     else:
-        run(given.root, given.rows, units() if given.verb == "run" else explored())
+        run(given.root, given.rows, wanted[given.verb]())
 
 
 if __name__ == "__main__":

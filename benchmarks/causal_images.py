@@ -3,8 +3,8 @@
 python -m benchmarks.causal_images run DIR [--rows FILE]   makes what is missing, one unit after another; the same command resumes
 python -m benchmarks.causal_images report [--rows FILE]    tables of docs/science/causal_images.md, and its figure
 
-DIR/data/TASK/KIND holds the demonstrations; where an export is there already, it is used as it is. A row of FILE is one network on
-the scenes of one level: {"task", "n", "seed", "arm", "level", "tried", "solved"}, scenes by seed.
+DIR/data/TASK/ARM holds the demonstrations; where an export is there already, it is used as it is. A row of FILE is one network on
+the scenes of one level: {"task", "n", "seed", "arm", "inputs", "level", "tried", "solved"}, scenes by seed.
 """
 
 import argparse
@@ -13,19 +13,19 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.causal_tables import LEVELS, Rates, Row, Side, differences, fill_in, read
+from benchmarks.causal_tables import LEVELS, Contrast, Rates, Row, Side, contrasts, fill_in, holm, read
 from benchmarks.study.rows import markdown
 from pipeline.evaluate.difference import interval
 
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (HERE / "docs" / "science" / f"causal_images{suffix}" for suffix in ("_rows.jsonl", ".md"))
-TASKS, KINDS, SIGHTS = ("click_bell", "adjust_bottle"), ("planned", "reactive", "corrected"), ("history", "none")
+TASKS, ARMS, INPUTS = ("click_bell", "adjust_bottle"), ("planned", "reactive", "corrected"), ("history", "none")
 CONFIGS = {"history": "puma-small", "none": "puma-small-no-history"}
 N, SCENES, SCENE_SEED, CORRECTION_SEED = 100, 40, 3, 5
 PRIMARY = (("reactive", "history"), ("planned", "history"), ("reactive", "none"))
@@ -37,29 +37,19 @@ GIVEN_UP = 3
 
 @dataclass(frozen=True)
 class Unit:
-    """One network: the task, the kind of demonstrations it learns from, what it sees of the past, and its seed."""
+    """One network: the task, the arm whose demonstrations it learns from, what it sees of the past, and its seed."""
 
     task: str
-    kind: str
-    sight: str
+    arm: str
+    inputs: str
     seed: int
-
-    @property
-    def arm(self) -> str:
-        """The name of its arm in rows and tables."""
-        return arm(self.kind, self.sight)
-
-
-def arm(kind: str, sight: str) -> str:
-    """The name of an arm."""
-    return f"{kind}, {'with' if sight == 'history' else 'no'} history"
 
 
 def units() -> Iterator[Unit]:
     """All networks in the order of the pre-registration."""
-    for task, (arms, seeds) in itertools.product(TASKS, BLOCKS):
-        for seed, (kind, sight) in itertools.product(seeds, arms):
-            yield Unit(task, kind, sight, seed)
+    for task, (sides, seeds) in itertools.product(TASKS, BLOCKS):
+        for seed, side in itertools.product(seeds, sides):
+            yield Unit(task, *side, seed)
 
 
 class Study:
@@ -75,30 +65,28 @@ class Study:
         words += ["--seed", str(SCENE_SEED), "--manifests", str(self.root / "manifests"), "--executor", "inline"]
         words += ["--out", str(folder / "evaluation"), "--quiet", "--json"]
         for cell in json.loads(call("training.puma.cli", words))["results"]:
-            key = {"task": unit.task, "n": N, "seed": unit.seed, "arm": unit.arm}
-            yield {**key, "level": cell["level"], "tried": cell["episodes"], "solved": sorted(cell["solved_seeds"])}
+            yield {**asdict(unit), "n": N, "level": cell["level"], "tried": cell["episodes"], "solved": cell["solved_seeds"]}
 
     def network(self, unit: Unit) -> Path:
         """The directory of a trained network."""
-        folder = self.root / "networks" / unit.task / f"{unit.kind}-{unit.sight}-{unit.seed}"
+        folder = self.root / "networks" / unit.task / f"{unit.arm}-{unit.inputs}-{unit.seed}"
         if policies(folder):
             return folder
-        shown = ["reactive", "corrected"] if unit.kind == "corrected" else [unit.kind]
-        words = ["train", "--config", CONFIGS[unit.sight], "--out", str(folder), "--quiet"]
+        words = ["train", "--config", CONFIGS[unit.inputs], "--out", str(folder), "--quiet"]
         words += ["--set", f"data.cache={self.root / 'cache'}", "--set", f"train.seed={unit.seed}"]
-        for kind in shown:
-            words += ["--data", str(self.demonstrations(unit.task, kind))]
+        for shown in ["reactive", "corrected"] if unit.arm == "corrected" else [unit.arm]:
+            words += ["--data", str(self.demonstrations(unit.task, shown))]
         call("training.puma.cli", words)
         return folder
 
-    def demonstrations(self, task: str, kind: str) -> Path:
+    def demonstrations(self, task: str, arm: str) -> Path:
         """A dataset with its export. Corrections are those of the reactive network of seed 0 with history."""
-        folder = self.root / "data" / task / kind
+        folder = self.root / "data" / task / arm
         if not (folder / "exports" / "parquet").exists():
             words = ["build", "--manifest", str(HERE / "manifests" / "puma-small.yaml"), "--tasks", task, "--out", str(folder)]
-            if kind == "planned":
+            if arm == "planned":
                 words += ["--expert", "planned"]
-            if kind == "corrected":
+            if arm == "corrected":
                 [policy] = policies(self.network(Unit(task, "reactive", "history", 0)))
                 words += ["--seed", str(CORRECTION_SEED), "--corrections", str(policy)]
             call("pipeline.cli", [*words, "--workers", "1", "--quiet"], (0, GIVEN_UP))
@@ -121,10 +109,10 @@ def call(module: str, words: Sequence[str], fine: Sequence[int] = (0,)) -> str:
 
 def run(root: Path, rows: Path) -> None:
     """Do the units that are missing in `rows`."""
-    done = {(row["task"], row["arm"], row["seed"]) for row in found(rows)}
+    done = {tuple(row[key] for key in ("task", "arm", "inputs", "seed")) for row in found(rows)}
     study = Study(root)
     for unit in units():
-        if (unit.task, unit.arm, unit.seed) not in done:
+        if (unit.task, unit.arm, unit.inputs, unit.seed) not in done:
             new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
             with rows.open("a") as file:
                 file.write(new)
@@ -136,98 +124,73 @@ def found(rows: Path) -> list[Row]:
     return read(rows) if rows.exists() else []
 
 
-def contrasts(task: str) -> dict[str, list[tuple[str, str]]]:
-    """The pairs of arms of a task: those of the primary contrasts on the first task, and the others."""
-    first = [(arm("reactive", "history"), arm("planned", "history")), (arm("reactive", "history"), arm("reactive", "none"))]
-    second = [
-        (arm("corrected", "history"), arm("reactive", "history")),
-        *((arm(kind, "history"), arm(kind, "none")) for kind in ("planned", "corrected")),
-        (arm("reactive", "none"), arm("planned", "none")),
-    ]
-    return {"primary": first, "secondary": second} if task == TASKS[0] else {"primary": [], "secondary": first + second}
+def pairs(task: str) -> tuple[list[Contrast], list[Contrast]]:
+    """The primary contrasts of a task, and the secondary ones: all are secondary on the second task."""
 
+    def contrast(level: int, first: tuple[str, str], second: tuple[str, str]) -> Contrast:
+        return Contrast(task, level, Side(first[0], N, first[1]), Side(second[0], N, second[1]))
 
-def holm(chances: Sequence[float], tests: int) -> list[float]:
-    """p corrected by Holm's method for so many tests; those that are missing count as the largest."""
-    order, out, least = np.argsort(chances, kind="stable"), [0.0] * len(chances), 0.0
-    for rank, i in enumerate(order):
-        least = out[i] = max(least, min(1.0, (tests - rank) * chances[i]))
-    return out
+    reactive, planned, alone = PRIMARY
+    corrected, planned_alone, corrected_alone = OTHERS
+    first = [contrast(level, *two) for two in ((reactive, planned), (reactive, alone)) for level in LEVELS]
+    others = ((corrected, reactive), (planned, planned_alone), (corrected, corrected_alone), (alone, planned_alone))
+    second = [contrast(level, *two) for two in others for level in LEVELS]
+    return (first, second) if task == TASKS[0] else ([], first + second)
 
 
 def report(rows: Path, page: Path) -> None:
     """Write tables and figure of the page."""
     held = found(rows)
-    head = ["contrast", "networks an arm", "first", "second", "difference (points)", "p"]
-    lines, chances = dict[str, list[list[object]]](), dict[str, list[float]]()
-    for name in ("primary", "secondary"):
-        wanted = [
-            (task, level, (one, N), (other, N))
-            for task, level in itertools.product(TASKS, LEVELS)
-            for one, other in contrasts(task)[name]
-        ]
-        some = list(differences(held, wanted))
-        lines[name], chances[name] = [line for line, _ in some], [p for _, p in some]
-    corrected = holm(chances["primary"], len(LEVELS) * len(contrasts(TASKS[0])["primary"]))
-    primary = [[*line, f"{p:.2g}"] for line, p in zip(lines["primary"], corrected, strict=True)]
-    fill_in(page, "primary", markdown([*head, "p, Holm"], primary))
-    fill_in(page, "secondary", markdown(head, lines["secondary"]))
     tasks = [task for task in TASKS if any(row["task"] == task for row in held)]
-    table = list(success(held, tasks))
-    columns = ("arm", "networks", *(f"level {level}: SR % (95 %)" for level in LEVELS), "of one network each")
-    fill_in(page, "success", markdown(columns, table))
-    plot(held, tasks, page.with_suffix(".png"))
+    columns = ("contrast", "networks an arm", "first", "second", "difference (points)", "p")
+    primary, secondary = (list(contrasts(held, [c for task in tasks for c in pairs(task)[k]])) for k in (0, 1))
+    corrected = holm([p for _, p in primary])
+    lines = [[*line, f"{p:.2g}"] for (line, _), p in zip(primary, corrected, strict=True)]
+    fill_in(page, "primary", markdown((*columns, "p (Holm)"), lines))
+    fill_in(page, "secondary", markdown(columns, [line for line, _ in secondary]))
+    head = ("arm", "networks", *(f"level {level}: SR % (95 %)" for level in LEVELS), "each network alone")
+    fill_in(page, "success", markdown(head, list(success(held, tasks))))
+    draw(held, tasks, page.with_suffix(".png"))
 
 
 def success(rows: Sequence[Row], tasks: Sequence[str]) -> Iterator[list[object]]:
     """A line for each arm that has networks: their number, the success of all at each level, and that of each of them."""
-    for task, sight, kind in itertools.product(tasks, SIGHTS, KINDS):
-        side: Side = (arm(kind, sight), N)
-        rates = [Rates(rows, task, level) for level in LEVELS]
+    for task, inputs, arm in itertools.product(tasks, INPUTS, ARMS):
+        side, rates = Side(arm, N, inputs), [Rates(rows, task, level) for level in LEVELS]
         if not (seeds := rates[0].seeds(side)):
             continue
-        cells = [f"{100 * scenes.mean():.0f} ({low:.0f}-{high:.0f})" for scenes, low, high in (of_side(r, side) for r in rates)]
-        alone = [
-            "/".join(f"{100 * len(row['solved']) / row['tried']:.0f}" for row in rows_of(rows, task, side[0], seed))
-            for seed in seeds
-        ]
-        yield [f"{task}: {side[0]}", len(seeds), *cells, ", ".join(alone)]
+        cells = [f"{mean:.0f} ({low:.0f}-{high:.0f})" for mean, low, high in (percent(r, side) for r in rates)]
+        mine = [row for row in rows if (row["task"], row["arm"], row["inputs"]) == (task, arm, inputs)]
+        share = {(row["seed"], row["level"]): f"{100 * len(row['solved']) / row['tried']:.0f}" for row in mine}
+        alone = ("/".join(share[seed, level] for level in LEVELS) for seed in seeds)
+        yield [f"{task}: {arm}, {inputs}", len(seeds), *cells, ", ".join(alone)]
 
 
-def rows_of(rows: Sequence[Row], task: str, name: str, seed: int) -> list[Row]:
-    """The rows of one network, by level."""
-    mine = [row for row in rows if (row["task"], row["arm"], row["seed"]) == (task, name, seed)]
-    return sorted(mine, key=lambda row: row["level"])
-
-
-def of_side(rates: Rates, side: Side) -> tuple[np.ndarray, float, float]:
-    """Success by scene of an arm, and the 95 % interval of its mean, per cent."""
+def percent(rates: Rates, side: Side) -> tuple[float, float, float]:
+    """The success of an arm and its 95 % interval over scenes, per cent."""
     [scenes] = rates.of(side)
     low, high = interval({"": scenes})
-    return scenes, max(0.0, 100 * low), min(100.0, 100 * high)
+    return 100 * float(scenes.mean()), max(0.0, 100 * low), min(100.0, 100 * high)
 
 
-def plot(rows: Sequence[Row], tasks: Sequence[str], path: Path) -> None:
-    """Success by kind of demonstrations, a bar for each sight, a panel for each task and level."""
-    figure, panels = plt.subplots(
-        len(tasks), len(LEVELS), figsize=(7.5, 2.8 * len(tasks)), sharey=True, squeeze=False, layout="constrained"
-    )
+def draw(rows: Sequence[Row], tasks: Sequence[str], plot: Path) -> None:
+    """Success by arm, a bar for each of its inputs, a panel for each task and level."""
+    size = (7.5, 2.8 * len(tasks))
+    figure, panels = plt.subplots(len(tasks), len(LEVELS), figsize=size, sharey=True, squeeze=False, layout="constrained")
     for (task, level), ax in zip(itertools.product(tasks, LEVELS), panels.flat, strict=True):
         rates = Rates(rows, task, level)
-        for number, sight in enumerate(SIGHTS):
-            sides = [(place, (arm(kind, sight), N)) for place, kind in enumerate(KINDS)]
-            there = [(place, *of_side(rates, side)) for place, side in sides if rates.seeds(side)]
+        for number, inputs in enumerate(INPUTS):
+            sides = [(place + 0.4 * number - 0.2, Side(arm, N, inputs)) for place, arm in enumerate(ARMS)]
+            there = [(place, *percent(rates, side)) for place, side in sides if rates.seeds(side)]
             if there:
-                means = np.array([100 * scenes.mean() for _, scenes, _, _ in there])
-                bars = np.maximum([means - [low for *_, low, _ in there], [high for *_, high in there] - means], 0)
-                places = [place + 0.4 * number - 0.2 for place, *_ in there]
-                ax.bar(places, means, 0.36, yerr=bars, capsize=2, color=f"C{number}", label=("with history", "one image")[number])
-        ax.set_xticks(range(len(KINDS)), KINDS)
-        ax.set(title=f"{task}, level {level}", xlim=(-0.5, len(KINDS) - 0.5), ylim=(0, 100))
+                places, means, low, high = np.array(there).T
+                ax.bar(places, means, 0.36, yerr=[means - low, high - means], capsize=2, color=f"C{number}", label=inputs)
+        ax.set_xticks(range(len(ARMS)), ARMS)
+        ax.set(title=f"{task}, level {level}", xlim=(-0.5, len(ARMS) - 0.5), ylim=(0, 100))
     for ax in panels[:, 0]:
         ax.set_ylabel("success (%)")
     panels[0, -1].legend(fontsize=7)
-    figure.savefig(path, dpi=120)
+    figure.savefig(plot, dpi=120)
     plt.close(figure)
 
 

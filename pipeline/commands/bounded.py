@@ -65,7 +65,7 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
         context = getattr(error, "ctx", None)
         said = f"{message.rstrip('.')}; see {context.command_path if context else name} --help"
     except DominoError as error:
-        said = with_urls(str(error))
+        said = with_urls("; ".join([str(error), *getattr(error, "__notes__", ())]))
     except OSError as error:
         said = with_urls(describe_error(error))
     else:

@@ -66,6 +66,7 @@ class Facts:
     size: tuple[int, int]
     camera_poses: Mapping[str, NDArray[np.float64]]  # (T, 7) world poses by camera
     interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])  # the group of that name
+    kept: int = 0  # frames that are exported, from the first one on
 
     def __len__(self) -> int:
         return len(self.log)
@@ -145,8 +146,9 @@ def judging(place: Path, problems: list[str]) -> Iterator[None]:
         problems.append(f"{place}: cannot be read ({' '.join(str(error).split())[:200]})")
 
 
-def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
-    """Everything but the images of an open episode. Raises ExportError for one that breaks its own promises: frames off the
+def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = None) -> Facts:
+    """Everything but the images of an open episode, of which the frames until so many seconds after its success are exported; all
+    without a number or a success. Raises ExportError for one that breaks its own promises: frames off the
     fps grid, arrays of different lengths, values that are not finite, no instruction, cameras of different sizes."""
     episode = file.read()
     log, path = episode.log, file.path
@@ -197,6 +199,7 @@ def read_facts(file: EpisodeFile, dataset: Path) -> Facts:
         size=sizes.pop(),
         camera_poses=camera_poses,
         interception=episode.interception,
+        kept=frames if after_success is None else log.frames_until("success", after_success),
     )
 
 

@@ -12,7 +12,6 @@ File k of the data and file k of each video hold the same episodes.
 
 from collections.abc import Collection, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,6 @@ from pipeline.export.lerobot_check import check_v3
 from pipeline.export.lerobot_dataset import LerobotExporter, Writer
 from pipeline.export.lerobot_depth import depth_columns, depth_counts, depth_key, depth_stats, with_depth
 from pipeline.export.lerobot_format import (
-    MEGABYTE,
     TEXT_FEATURES,
     data_table,
     description,
@@ -35,11 +33,10 @@ from pipeline.export.lerobot_format import (
     split_of,
 )
 from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns, with_language
-from pipeline.export.lerobot_options import LerobotOptions, datasets_of
+from pipeline.export.lerobot_options import MEGABYTE, LerobotV3Options, datasets_of
 from pipeline.export.lerobot_prepare import Prepared
 from pipeline.export.lerobot_reference import data_schema, write_meta
 from pipeline.export.lerobot_tables import FILES_PER_CHUNK, Tables, chunk_file
-from pipeline.export.options import option, whole
 from pipeline.export.provenance import scalars
 from pipeline.export.reuse import Draft
 from pipeline.export.sensors import DEPTH
@@ -48,20 +45,6 @@ from pipeline.export.video_file import Clip, VideoFile
 
 VERSION = "v3.0"
 ROWS_PER_GROUP = 100
-
-
-@dataclass(frozen=True)
-class LerobotV3Options(LerobotOptions):
-    """Options of LeRobot v3.0: when data and videos begin another file, together.
-
-    lerobot compares float32 times within 1e-4 s: beyond 1024 s neighbouring float32 numbers are further apart than that.
-    """
-
-    data_bytes: int = option("bytes of a data file after which another begins", whole(1), 100 * MEGABYTE)
-    video_bytes: int = option("bytes that a video file does not exceed", whole(1), 200 * MEGABYTE)
-    video_seconds: int = option("seconds that a video file does not exceed", whole(1, 86_400), 1000)
-    language: bool = option("also write lerobot's language columns, which only lerobot 0.6 and later can read", default=False)
-    depth: bool = option("also write depth maps, which only lerobot 0.6 and later takes for depth", default=False)
 
 
 class V3Writer(Writer):
@@ -81,7 +64,7 @@ class V3Writer(Writer):
         self.videos: dict[str, VideoFile] = {}
 
     def append(self, episode: Prepared) -> None:
-        facts, length = episode.facts, len(episode.facts)
+        facts, length = episode.facts, episode.facts.kept
         index, columns, stats = self.begin(episode)
         if self._full(episode):
             self._roll()
@@ -114,7 +97,7 @@ class V3Writer(Writer):
         if not self.videos:
             return False
         frames = self.options.video_seconds * self.first.fps
-        longer = any(video.frames + len(episode.facts) > frames for video in self.videos.values())
+        longer = any(video.frames + episode.facts.kept > frames for video in self.videos.values())
         larger = any(
             video.size + clip.size > self.options.video_bytes
             for video, clip in zip(self.videos.values(), episode.encoded.videos.values(), strict=True)
@@ -132,7 +115,7 @@ class V3Writer(Writer):
         if key not in self.videos:
             self.videos[key] = VideoFile(self.root / "videos" / key / chunk_file(number, "mp4"), facts.fps, self.draft)
         try:
-            start, end = self.videos[key].append(clip, len(facts))
+            start, end = self.videos[key].append(clip, facts.kept)
         except ValueError as error:
             raise ExportError(f"{facts.source}: {key}: {error}") from error
         chunk, file = divmod(number, FILES_PER_CHUNK)
@@ -196,5 +179,5 @@ class Lerobot(LerobotExporter[LerobotV3Options]):
         """Counts, every number, times, tasks, provenance, and every decoded image must be the episode's."""
         problems: list[str] = []
         for root, paths in datasets_of(episodes, out, options.per_task).values():
-            problems += check_v3(dataset, root, paths, options.camera_names, options.language, options.depth)
+            problems += check_v3(dataset, root, paths, options)
         return problems

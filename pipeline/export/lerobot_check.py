@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from pipeline.export.lerobot_format import (
     widen,
 )
 from pipeline.export.lerobot_language import EVENTS, PERSISTENT, language_columns
+from pipeline.export.lerobot_options import LerobotV3Options
 from pipeline.export.provenance import check_provenance, scalars
 from pipeline.export.video import frames_of
 
@@ -34,10 +35,8 @@ CLEAR = 32  # of 255: more than the codec loses
 MOVED_PIXELS = 20
 
 
-def check_v3(dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[str, str], language: bool, depth: bool) -> list[str]:
-    """Compare a v3.0 dataset with its episodes; returns the problems found, [] when all is well.
-
-    Cameras are named as `given`; `language` and `depth` tell whether the dataset has lerobot's language columns and depth maps.
+def check_v3(dataset: Path, root: Path, paths: Sequence[Path], options: LerobotV3Options) -> list[str]:
+    """Compare a v3.0 dataset, made with these options, with its episodes; returns the problems found, [] when all is well.
 
     Counts, every number, times, tasks, provenance, and each decoded image: mean absolute difference at most IMAGE_TOLERANCE,
     and where it differs clearly from the frame before or after, not closer to that one.
@@ -45,14 +44,12 @@ def check_v3(dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[st
     """
     problems: list[str] = []
     with judging(root, problems):
-        problems += _check_dataset(dataset, root, paths, given, language, depth)
-        problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths)
+        problems += _check_dataset(dataset, root, paths, options)
+        problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths, options.after_success)
     return problems
 
 
-def _check_dataset(
-    dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[str, str], language: bool, depth: bool
-) -> list[str]:
+def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], options: LerobotV3Options) -> list[str]:
     info = json.loads((root / "meta/info.json").read_text())
     width = len(info["features"]["action"]["names"])
     files = sorted((root / "meta/episodes").rglob("*.parquet"))
@@ -70,24 +67,24 @@ def _check_dataset(
     with reading(paths[0]) as file:
         first = widen(read_facts(file, dataset), width)
     with judging(root / "meta", problems):
-        problems += check_described(root, first, given, len(paths))
+        problems += check_described(root, first, options.camera_names, len(paths))
     start = 0
     videos = _Videos(root)
     for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
         where = f"{root}: episode {index} ({path.name})"
         with reading(path) as file:
-            facts = widen(read_facts(file, dataset), width)
-            names = exported_cameras(facts, given)
+            facts = widen(read_facts(file, dataset, options.after_success), width)
+            names = exported_cameras(facts, options.camera_names)
             with judging(root, problems):
                 problems += [f"{where}: {p}" for p in _check_row(facts, index, start, row, tasks, info)]
                 at = root / DATA_PATH.format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
                 columns = data_columns(facts, names, index, start, tasks.get(facts.instruction, -1))
-                columns |= language_columns(facts, names, pq.read_schema(at)) if language else {}
-                columns |= depth_columns(depth_images(file), names) if depth else {}
+                columns |= language_columns(facts, names, pq.read_schema(at)) if options.language else {}
+                columns |= depth_columns(depth_images(file, facts.kept), names) if options.depth else {}
                 problems += [f"{where}: {at.name}: {p}" for p in check_columns(at, index, columns)]
                 for camera, name in names.items():
                     problems += [f"{where}: {camera} {p}" for p in _check_video(file, camera, image_key(name), row, videos)]
-        start += len(facts)
+        start += facts.kept
     if info["total_frames"] != start:
         problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
     videos.close()
@@ -112,8 +109,8 @@ def check_features(root: Path, info: Mapping[str, Any]) -> list[str]:
 
 
 def _check_row(facts: Facts, index: int, start: int, row: dict[str, Any], tasks: dict[str, int], info: dict[str, Any]) -> list[str]:
-    wanted: dict[str, Any] = {"episode_index": index, "length": len(facts), "tasks": [facts.instruction]}
-    wanted |= {"dataset_from_index": start, "dataset_to_index": start + len(facts)}
+    wanted: dict[str, Any] = {"episode_index": index, "length": facts.kept, "tasks": [facts.instruction]}
+    wanted |= {"dataset_from_index": start, "dataset_to_index": start + facts.kept}
     wanted |= {f"domino.{name}": value for name, value in scalars(facts).items()}
     problems = [f"{name} is {row.get(name)!r}, not {value!r}" for name, value in wanted.items() if row.get(name) != value]
     if facts.instruction not in tasks:
@@ -176,20 +173,20 @@ class _Videos:
 
 def _check_video(file: EpisodeFile, camera: str, key: str, row: dict[str, Any], videos: _Videos) -> list[str]:
     place = {name: row[f"videos/{key}/{name}"] for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")}
-    got = videos.read(key, place["chunk_index"], place["file_index"], len(file))
-    if abs(place["to_timestamp"] - place["from_timestamp"] - len(file) / file.fps) > 1e-4:
+    got = videos.read(key, place["chunk_index"], place["file_index"], row["length"])
+    if abs(place["to_timestamp"] - place["from_timestamp"] - row["length"] / file.fps) > 1e-4:
         return ["to_timestamp is not the end of the episode"]
-    return check_images(file, camera, got, place["from_timestamp"])
+    return check_images(file, camera, row["length"], got, place["from_timestamp"])
 
 
-def check_images(file: EpisodeFile, camera: str, got: list[tuple[float, NDArray[np.uint8]]], start: float) -> list[str]:
-    """Compare decoded (time, image) pairs with the frames of a camera, the first at `start` s: count, times, colors, order."""
-    count = len(file)
+def check_images(file: EpisodeFile, camera: str, count: int, got: list[tuple[float, NDArray[np.uint8]]], start: float) -> list[str]:
+    """Compare decoded (time, image) pairs with the first `count` frames of a camera, the first at `start` s: count, times, colors,
+    order."""
     if len(got) != count:
         return [f"video holds {len(got)} images for {count} frames"]
     if np.abs(np.array([t for t, _ in got]) - start - np.arange(count) / file.fps).max() > 1e-4:
         return ["video times are not those of the frames"]
-    source = list(file.frames(camera))
+    source = list(islice(file.frames(camera), count))
     changes = [_mark_changes(a, b) for a, b in pairwise(source)]
     for t, (_, image) in enumerate(got):
         error = _distance(image, source[t], None)

@@ -44,7 +44,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
         that differ in fps, cameras, image size or joint names. Raises MissingLerobot."""
         require_lerobot()
-        codec = job.options.video()
+        job.options.video()  # refused before anything is read
         with freeze_garbage(), self.draft(job) as draft:
             folder, known = draft.folder, Known(draft)
             parts, index = {}, []
@@ -55,7 +55,7 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
                 try:
                     hashes = ((path, draft.hash_of(path)) for path in paths)
                     sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
-                    for prepared in prepare_all(sources, job.dataset, codec, min(job.workers, len(paths)), wanted):
+                    for prepared in prepare_all(sources, job.dataset, job.options, min(job.workers, len(paths)), wanted):
                         episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
                         writer = writer or self.writer(draft, root, episode.facts, job.options)
                         writer.append(episode)
@@ -118,7 +118,7 @@ class Writer(ABC):
         self.provenance.append(episode.facts)
         self.encoded.append(episode.sha, episode.encoded, places)
         self.sampled += episode.encoded.sampled
-        self.frames += len(episode.facts)
+        self.frames += episode.facts.kept
 
     @abstractmethod
     def append(self, episode: Prepared) -> None:

@@ -32,9 +32,9 @@ def with_depth(features: Mapping[str, dict[str, Any]], first: Facts, names: Mapp
     return before_clock(features, described)
 
 
-def depth_images(file: EpisodeFile) -> dict[str, list[bytes]]:
-    """Camera -> T PNG of 16 bits. Raises ExportError for an episode without depth."""
-    return {camera: coded_images(file, camera, DEPTH) for camera in file.cameras}
+def depth_images(file: EpisodeFile, frames: int) -> dict[str, list[bytes]]:
+    """Camera -> PNG of 16 bits of the first frames. Raises ExportError for an episode without depth."""
+    return {camera: coded_images(file, camera, DEPTH)[:frames] for camera in file.cameras}
 
 
 def depth_columns(images: Mapping[str, Sequence[bytes]], names: Mapping[str, str]) -> dict[str, pa.Array]:

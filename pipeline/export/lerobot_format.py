@@ -25,7 +25,6 @@ from pipeline.export.stats import Stats, vector_stats
 from pipeline.export.video import Codec
 from pipeline.motion.paths import path_ahead, trace_ahead
 
-MEGABYTE = 1024**2
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -147,7 +146,7 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
 
 
 def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int, task: int) -> dict[str, NDArray[Any]]:
-    """Columns (T,) or (T,d) of an episode: number `index`, first row `start` of the dataset, instruction number `task`."""
+    """Columns (T,) or (T,d) of the exported frames of an episode: number `index`, first row `start`, instruction number `task`."""
     length, log = len(facts), facts.log
     vectors = {
         "observation.state": log.state,
@@ -166,17 +165,14 @@ def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int,
     script = script_of(facts)
     texts = {name: np.array(getattr(script, name), object) for name in TEXT_FEATURES}
     numbers = {name: np.ascontiguousarray(values, np.float32) for name, values in vectors.items()}
-    return (
-        numbers
-        | texts
-        | {
-            "timestamp": (np.arange(length) / facts.fps).astype(np.float32),
-            "frame_index": np.arange(length),
-            "episode_index": np.full(length, index),
-            "index": np.arange(start, start + length),
-            "task_index": np.full(length, task),
-        }
-    )
+    clock = {
+        "timestamp": (np.arange(length) / facts.fps).astype(np.float32),
+        "frame_index": np.arange(length),
+        "episode_index": np.full(length, index),
+        "index": np.arange(start, start + length),
+        "task_index": np.full(length, task),
+    }
+    return {name: values[: facts.kept] for name, values in (numbers | texts | clock).items()}
 
 
 def trace_of(facts: Facts, camera: str) -> NDArray[np.float64]:

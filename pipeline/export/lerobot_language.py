@@ -95,12 +95,13 @@ def with_language(features: Mapping[str, dict[str, Any]]) -> dict[str, dict[str,
 
 
 def language_columns(facts: Facts, names: Mapping[str, str], schema: pa.Schema) -> dict[str, pa.ListArray]:
-    """Both columns (T rows) as the schema has them; `names` are the exported names by camera."""
-    frames, keys = len(facts), {camera: image_key(names[camera]) for camera in facts.cameras}
-    lasting, events = persistent_rows(facts, script_of(facts)), event_rows(facts, keys)
+    """Both columns of the exported frames as the schema has them; `names` are the exported names by camera."""
+    keys = {camera: image_key(names[camera]) for camera in facts.cameras}
+    lasting = [row for row in persistent_rows(facts, script_of(facts)) if row["timestamp"] * facts.fps < facts.kept]
+    events = event_rows(facts, keys)[: facts.kept]
     once = column(lasting, np.array([0, len(lasting)], np.int32), schema.field(PERSISTENT).type)
     ends = np.cumsum([0, *map(len, events)]).astype(np.int32)
     return {
-        PERSISTENT: once.take(pa.array(np.zeros(frames, np.int64))),
+        PERSISTENT: once.take(pa.array(np.zeros(facts.kept, np.int64))),
         EVENTS: column([row for each in events for row in each], ends, schema.field(EVENTS).type),
     }

@@ -3,9 +3,11 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pipeline.data.parsing import real
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.common import by_embodiment, group_episodes
@@ -13,8 +15,12 @@ from pipeline.export.options import camera_names_option, one_of, option, whole
 from pipeline.export.video import CODECS, Codec
 
 INDEX = "index.json"
+MEGABYTE = 1024**2
 # a repository of the hub holds at most 100,000 files and lists 10,000 of a folder
 EPISODES_PER_DATASET = 50_000
+
+
+seconds = partial(real, low=-3600, high=3600)
 
 
 @dataclass(frozen=True)
@@ -28,12 +34,29 @@ class LerobotOptions:
     per_task: bool = option("one dataset for every task and level, with an index.json", default=False)
     pad: int | None = option("width of state and action, filled with zeros where one arm is missing: 14 or 16", whole(2, 64), None)
     camera_names: Mapping[str, str] = camera_names_option()
+    after_success: float | None = option(
+        "seconds after the success with which episodes end, negative for before it; without it they are whole", seconds, None
+    )
 
     def video(self) -> Codec:
         """The encoder settings. Raises ExportError for an encoder that is not installed."""
         codec = Codec(self.codec, self.crf, self.gop, self.preset)
         codec.check()
         return codec
+
+
+@dataclass(frozen=True)
+class LerobotV3Options(LerobotOptions):
+    """Options of LeRobot v3.0: when data and videos begin another file, together.
+
+    lerobot compares float32 times within 1e-4 s: beyond 1024 s neighbouring float32 numbers are further apart than that.
+    """
+
+    data_bytes: int = option("bytes of a data file after which another begins", whole(1), 100 * MEGABYTE)
+    video_bytes: int = option("bytes that a video file does not exceed", whole(1), 200 * MEGABYTE)
+    video_seconds: int = option("seconds that a video file does not exceed", whole(1, 86_400), 1000)
+    language: bool = option("also write lerobot's language columns, which only lerobot 0.6 and later can read", default=False)
+    depth: bool = option("also write depth maps, which only lerobot 0.6 and later takes for depth", default=False)
 
 
 def datasets_of(episodes: Sequence[Path], out: Path, per_task: bool) -> dict[str, tuple[Path, list[Path]]]:

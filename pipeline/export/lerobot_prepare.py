@@ -19,8 +19,9 @@ import cv2
 from pipeline.export.common import ExportError, Facts, read_facts, reading
 from pipeline.export.lerobot_depth import depth_images
 from pipeline.export.lerobot_encoded import Encoded, clip_name
+from pipeline.export.lerobot_options import LerobotOptions
 from pipeline.export.stats import PlaneCounts, sample_rows
-from pipeline.export.video import Codec, decoded_planes, encode
+from pipeline.export.video import decoded_planes, encode
 from pipeline.export.video_file import Clip
 
 
@@ -43,40 +44,42 @@ class Prepared:
     depth: Mapping[str, Sequence[bytes]]
 
 
-def prepare(source: Source, dataset: Path, codec: Codec, depth: bool) -> Prepared:
+def prepare(source: Source, dataset: Path, options: LerobotOptions, depth: bool) -> Prepared:
     """Read and encode one episode, with its depth maps by camera if they are wanted.
 
     Raises ExportError for a bad file or an image size that 4:2:0 video cannot hold.
     """
     path = source.path
     with reading(path) as file:
-        facts = read_facts(file, dataset)
+        facts = read_facts(file, dataset, options.after_success)
         if facts.size[0] % 2 or facts.size[1] % 2:
             raise ExportError(f"{path}: images of {facts.size} cannot become video; height and width must be even")
-        maps = depth_images(file) if depth else {}
+        maps = depth_images(file, facts.kept) if depth else {}
         if source.known is not None:
             return Prepared(source.sha, facts, source.known, maps)
-        rows = frozenset(sample_rows(len(facts)).tolist())
+        rows = frozenset(sample_rows(facts.kept).tolist())
         videos, colors = {}, {}
         for camera in facts.cameras:
             counted = PlaneCounts()
-            frames = counted.passing(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()), rows)
-            videos[camera] = Clip.of(encode(frames, facts.fps, codec), clip_name(source.sha, camera))
+            frames = counted.passing(decoded_planes(file.array(f"observation/{camera}/rgb").tolist()[: facts.kept]), rows)
+            videos[camera] = Clip.of(encode(frames, facts.fps, options.video()), clip_name(source.sha, camera))
             colors[camera] = counted.counts()
     return Prepared(source.sha, facts, Encoded(videos, colors, len(rows)), maps)
 
 
-def prepare_all(sources: Iterable[Source], dataset: Path, codec: Codec, workers: int, depth: bool = False) -> Iterator[Prepared]:
+def prepare_all(
+    sources: Iterable[Source], dataset: Path, options: LerobotOptions, workers: int, depth: bool = False
+) -> Iterator[Prepared]:
     """`prepare` for all sources in order, in `workers` processes, at most two episodes a worker ahead of the reader."""
     if workers <= 1:
         with _one_thread():
-            yield from (prepare(source, dataset, codec, depth) for source in sources)
+            yield from (prepare(source, dataset, options, depth) for source in sources)
         return
     with ProcessPoolExecutor(workers, get_context("spawn"), start_worker) as pool:
         pending: deque[Future[Prepared]] = deque()
         try:
             for source in sources:
-                pending.append(pool.submit(prepare, source, dataset, codec, depth))
+                pending.append(pool.submit(prepare, source, dataset, options, depth))
                 if len(pending) > 2 * workers:
                     yield pending.popleft().result()
             while pending:

@@ -65,13 +65,13 @@ class V21Writer(Writer):
             key = image_key(self.names[camera])
             video = VideoFile(self.root / place(VIDEO_PATH, index, key), facts.fps, self.draft)
             try:
-                video.append(clip, len(facts))
+                video.append(clip, facts.kept)
             except ValueError as error:
                 raise ExportError(f"{facts.source}: {key}: {error}") from error
             finally:
                 video.close()
             places[camera] = video.path, 0
-        self.rows.append({"episode_index": index, "tasks": [facts.instruction], "length": len(facts)})
+        self.rows.append({"episode_index": index, "tasks": [facts.instruction], "length": facts.kept})
         plain = {name: {stat: entry[stat].tolist() for stat in STATS} for name, entry in stats.items()}
         self.stats.append({"episode_index": index, "stats": plain})
         self.end(episode, places)
@@ -151,12 +151,12 @@ class LerobotV21(LerobotExporter[LerobotOptions]):
         problems: list[str] = []
         for root, paths in datasets_of(episodes, out, options.per_task).values():
             with judging(root, problems):
-                problems += _check_dataset(dataset, root, paths, options.camera_names)
-                problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths)
+                problems += _check_dataset(dataset, root, paths, options)
+                problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths, options.after_success)
         return problems
 
 
-def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapping[str, str]) -> list[str]:
+def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], options: LerobotOptions) -> list[str]:
     info = json.loads((root / "meta/info.json").read_text())
     width = len(info["features"]["action"]["names"])
     rows = [json.loads(line) for line in (root / "meta/episodes.jsonl").read_text().splitlines()]
@@ -169,7 +169,7 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
     with reading(paths[0]) as file:
         first = widen(read_facts(file, dataset), width)
     with judging(root / "meta", problems):
-        problems += check_described(root, first, given, len(paths))
+        problems += check_described(root, first, options.camera_names, len(paths))
         stats = [json.loads(line) for line in (root / "meta/episodes_stats.jsonl").read_text().splitlines()]
         if json.loads((root / "meta/stats.json").read_text()) != groot_stats(root, info["features"]):
             problems.append(f"{root}/meta/stats.json: is not that of the data")
@@ -178,10 +178,10 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
     start = 0
     for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
         with reading(path) as file:
-            facts = widen(read_facts(file, dataset), width)
-            names = exported_cameras(facts, given)
+            facts = widen(read_facts(file, dataset, options.after_success), width)
+            names = exported_cameras(facts, options.camera_names)
             with judging(root, problems):
-                if row != {"episode_index": index, "tasks": [facts.instruction], "length": len(facts)}:
+                if row != {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}:
                     problems.append(f"{root}: episode {index} is not {path}: its row has {row}")
                 task = tasks.index(facts.instruction) if facts.instruction in tasks else -1
                 columns, at = data_columns(facts, names, index, start, task), root / place(DATA_PATH, index)
@@ -190,8 +190,8 @@ def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], given: Mapp
                 mp4 = root / place(VIDEO_PATH, index, image_key(name))
                 with judging(mp4, problems):
                     video = [(time, np.asarray(rgb)) for time, rgb in frames_of(mp4)]
-                    problems += [f"{mp4}: {p} ({path.name})" for p in check_images(file, camera, video, 0.0)]
-        start += len(facts)
+                    problems += [f"{mp4}: {p} ({path.name})" for p in check_images(file, camera, facts.kept, video, 0.0)]
+        start += facts.kept
     if info["total_frames"] != start:
         problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
     return problems

@@ -103,7 +103,7 @@ def provenance(index: int, facts: Facts) -> dict[str, Any]:
     """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
     return {
         "episode_index": index,
-        "length": len(facts),
+        "length": facts.kept,
         **scalars(facts),
         "instruction": facts.instruction,
         "instructions_seen": facts.seen,
@@ -118,8 +118,8 @@ PROVENANCE = "episodes.parquet"
 """File of these rows in most formats."""
 
 
-def check_provenance(file: Path, dataset: Path, paths: Sequence[Path]) -> list[str]:
-    """Compare a file of `provenance` rows with its episodes, in order; returns the problems found.
+def check_provenance(file: Path, dataset: Path, paths: Sequence[Path], after_success: float | None = None) -> list[str]:
+    """Compare a file of `provenance` rows with its episodes, in order, shortened as in `read_facts`; returns the problems found.
 
     Raises what Arrow and the file system raise for a file that cannot be read, ExportError for episodes that cannot.
     """
@@ -129,7 +129,7 @@ def check_provenance(file: Path, dataset: Path, paths: Sequence[Path]) -> list[s
     problems = []
     for index, (path, row) in enumerate(zip(paths, rows, strict=True)):
         with reading(path) as episode:
-            wanted = provenance(index, read_facts(episode, dataset))
+            wanted = provenance(index, read_facts(episode, dataset, after_success))
         problems += [f"{file}: row {index}: {name} is not that of {path}" for name in wanted if row[name] != wanted[name]]
     return problems
 

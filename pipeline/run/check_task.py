@@ -42,9 +42,9 @@ def check_task(
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
     try:
-        check_declared(TASKS[name], "check-task")
+        check_declared(TASKS[name])
     except RecipeError as error:
-        return [Finding("declared", False, str(error).partition(f"task {name}: ")[2])]
+        return [Finding("declared", False, str(error))]
     findings = [*catch_errors("layout", author, lambda: _layouts(spec))]
     rollouts = dict[int, Rollout]()
     for level in levels:

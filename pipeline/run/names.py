@@ -19,14 +19,12 @@ from pipeline.motion.models import MODELS, levels_of
 from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import DOMINO, Draw, expand_tasks, suites
-from pipeline.tasks.layout import families_of
+from pipeline.tasks.contract import DOMINO, expand_tasks, suites
+from pipeline.tasks.layout import bodies_of, families_of
 from pipeline.tasks.needed_arms import can_do
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
-
-LAYOUTS = 8  # layouts of a task that are drawn to learn the names of its bodies
 
 
 def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:
@@ -49,7 +47,7 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
         raise RecipeError(f"{source}: {error}") from error
     recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
     for task in tasks:
-        check_task(TASKS[task], source)
+        check_task(TASKS[task])
     _check_motions(recipe, where)
     _check_arms(recipe, where("embodiments"))
     check_size(recipe, source)
@@ -207,18 +205,9 @@ def _check_links(recipe: Recipe, source: str) -> None:
             links = [f"{side}_{link.name}" for side, arm in get_embodiment(name).arms.items() for link in arm.links]
             if camera.link not in links:
                 lacking.append(links)
-        if lacking and not all(camera.link in _bodies(task) for task in recipe.tasks):
+        if lacking and not all(camera.link in bodies_of(TASKS[task]) for task in recipe.tasks):
             links = ", ".join(lacking[0])
             raise RecipeError(f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links are {links}")
-
-
-def _bodies(task: str) -> set[str]:
-    """Names of the bodies in a few layouts of a task."""
-    found = set[str]()
-    for seed in range(LAYOUTS):
-        draw = Draw(np.random.default_rng([seed, 0]), np.random.default_rng([seed, 1]))
-        found.update(placement.name for placement in TASKS[task].layout(draw))
-    return found
 
 
 def recipe_from(values: Mapping[str, Any], source: str = "recipe", flags: Mapping[str, str] | None = None) -> Recipe:

@@ -13,11 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from glob import glob
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import digest
+from pipeline.data.own_code import describe_error, line_of_error
 from pipeline.data.store.user_cache import user_cache
 
 ENV = "DOMINO_PLUGINS"
@@ -106,8 +108,9 @@ def _import(name: str, source: str):
         raise
     except (Exception, SystemExit) as error:
         # whatever a plugin raises, its user is told which one
-        place = f" line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
-        raise PluginError(f"{source}: {name}:{place} {type(error).__name__}: {' '.join(str(error).split())}") from error
+        spec = find_spec(name.partition(".")[0])
+        place = line_of_error(error, spec.origin) if spec else ""
+        raise PluginError(f"{place or f'{source}: {name}'}: {describe_error(error)}") from error
 
 
 def _top(directory: Path) -> list[str]:

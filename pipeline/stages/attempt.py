@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.own_code import raise_own
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.grasping import near_one
@@ -19,6 +20,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.react import react
 from pipeline.stages.replay import Replay, replay
 from pipeline.stages.scene import Scene, build_scene
+from pipeline.tasks import TASKS
 
 GRASPS = 3
 """Directions from which the target is grasped at most, one after another, until its motion fits."""
@@ -117,7 +119,8 @@ def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, perform: Perform | 
     """The three stages for one spec. `perform` does the third; without it the planned expert replays it, or the reactive one acts
     if a recipe asks for it.
 
-    Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn.
+    Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and OwnCodeError for an error in the
+    code of a task from outside the package.
     """
     steps, drawn, motion, meeting = 0, None, None, 0.0
     try:
@@ -136,5 +139,8 @@ def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, perform: Perform | 
     except Failure as failure:
         failure.steps += steps
         failure.drawn, failure.motion, failure.meeting = failure.drawn or drawn, motion, meeting
+        raise
+    except Exception as error:
+        raise_own(error, type(TASKS[spec.task]), f"task {spec.task}")
         raise
     return Rollout(scene, motion, dry.meeting, done, steps + done.steps)

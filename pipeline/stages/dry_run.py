@@ -61,8 +61,8 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
     actor = scene.start(PlanarMotion.still(end, 1.0), fps, STAGE)
     actor.sweeping, actor.avoid[task.target] = True, list(variation.avoid)
     with failing_as(STAGE, actor):
-        last_began, skills = 0.0, 0
-        for skills, skill in enumerate(task.meet(actor), 1):
+        last_began, skills, script = 0.0, 0, task.meet(actor)
+        for skills, skill in enumerate(script, 1):
             if skills - 1 == variation.before:
                 actor.wait(variation.pause)
             last_began = actor.simulation.time
@@ -79,7 +79,8 @@ def dry_run(scene: Scene, fps: int, variation: Variation = FIRST) -> DryRun:
         if meeting < last_began:
             raise Failure(STAGE, "early_meeting", f"{actor.simulation.touched_by} touched the target too soon")
         actor.half = "finish"
-        for skill in task.finish(actor):
+        script = task.finish(actor)
+        for skill in script:
             actor.perform(skill)
         rest(actor, task)
         if conditions := failed(scene.conditions(actor.recorder.log())):

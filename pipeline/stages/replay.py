@@ -56,7 +56,8 @@ def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[NDArray[n
 def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
     """Finish the script live after the meeting, and judge the episode. Raises PlanFailure and Failure of `stage`."""
     actor.half = "finish"
-    for skill in scene.task.finish(actor):
+    script = scene.task.finish(actor)  # named: an error in a skill is reported at the line that yielded it
+    for skill in script:
         actor.perform(skill)
     rest(actor, scene.task)
     since = success_time(scene, actor.recorder.log())

@@ -8,6 +8,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from pipeline.data.episode.meta import Category
 from pipeline.data.errors import DominoError
+from pipeline.data.own_code import OwnCodeError, is_outside, line_of_class
 from pipeline.data.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skill
 from pipeline.motion.workspace import Workspace
@@ -222,11 +224,13 @@ def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
 def register[T: Task](cls: type[T]) -> type[T]:
     """Class decorator: enter a task under its name in snake case, with its templates.
 
-    Raises ValueError for a name that is taken and for templates that are missing, malformed or too few, TypeError for a missing
-    method.
+    Raises OwnCodeError for a misspelt attribute, ValueError for a name that is taken and for templates that are missing, malformed
+    or too few, TypeError for a missing method.
     """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     place_in(sys._getframemodulename(1), cls)
+    if is_outside(cls):
+        _check_names(cls, name)
     cls.name = name
     cls.manipulated = cls.manipulated or cls.target
     folder = cls.__module__.removeprefix(LIBRARY).rpartition(".")[0]
@@ -238,6 +242,16 @@ def register[T: Task](cls: type[T]) -> type[T]:
             raise ValueError(f"task {name!r} has {len(templates)} {split} templates: write at least {least}")
     TASKS.add(name, cls())
     return cls
+
+
+def _check_names(cls: type[Task], task: str) -> None:
+    """Raise OwnCodeError for an attribute that the contract does not have but for its spelling."""
+    own = {name for each in cls.__mro__ if is_outside(each) for name in vars(each) if not name.startswith("_")}
+    known = {name for name in dir(Task) if not name.startswith("_")} | Task.__annotations__.keys()
+    for name in sorted(own - known):
+        if close := get_close_matches(name, known - own, 1, 0.8):
+            fix = f"write {close[0]}, or _{name} for a name of your own"
+            raise OwnCodeError(f"{line_of_class(cls, name)}: task {task}: has no attribute {name}: {fix}")
 
 
 def side_of(body: Body) -> str:

@@ -16,6 +16,8 @@ from pipeline.world.objects.contract import Family
 TRIALS = 32
 """Layouts that are drawn to find the families of a task."""
 
+NAMED = 8
+"""Layouts that are drawn to find the names of its bodies."""
 
 _LAYOUTS = 50
 """Layouts that are drawn until all bodies find room."""
@@ -48,6 +50,11 @@ def families_of(task: Task) -> frozenset[str]:
         placed = {name_of(placement.instance) for placement in task.layout(draw)}
         found |= placed | draw.families
     return frozenset(found)
+
+
+def bodies_of(task: Task) -> set[str]:
+    """Names of the bodies in a few layouts of a task."""
+    return {placement.name for seed in range(NAMED) for placement in task.layout(_Recording(seed))}
 
 
 def lay_out(

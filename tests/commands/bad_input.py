@@ -296,6 +296,8 @@ CASES = [
         ("--tasks nothing", "nothing"),
         ("--rungs smell", "smell"),
         ("--rungs act", "--data"),
+        ("--rungs act --rounds 2 --data data", "--rounds"),
+        ("--rounds 1 --rungs velocity --data missing", "missing"),
         ("--train-options '", "--train-options"),
         ("--chunks 8", "--chunks"),
         ("--chunks 4:8", "--chunks"),

@@ -248,3 +248,21 @@ def test_check_looks_at_the_numbers(tmp_path, episodes):
     info = json.loads((out / "meta/info.json").read_text())
     (out / "meta/info.json").write_text(json.dumps({**info, "fps": 16}))
     assert any("fps is 16, not 15" in p for p in check_exports(tmp_path, out, "lerobot", episodes))
+
+
+@pytest.mark.parametrize("format", ["lerobot", "lerobot-v2.1"])
+def test_episodes_end_so_long_after_the_success(tmp_path, episodes, format):
+    whole, short = tmp_path / "whole", tmp_path / "short"
+    run(format, tmp_path, whole, episodes)
+    summary = run(format, tmp_path, short, episodes, after_success=-1 / 15)
+    told, rows = (pq.read_table(out / "meta/domino_episodes.parquet").to_pylist() for out in (whole, short))
+    lengths = [min(row["length"], int(row["t_success"] * 15 + 1e-9)) for row in told]
+    assert [row["length"] for row in rows] == lengths and sum(lengths) == summary["frames"] < 15
+    first, cut = (
+        pq.read_table(next((out / "data/chunk-000").iterdir()), filters=[("episode_index", "==", 0)]).drop(["index"])
+        for out in (whole, short)
+    )
+    assert cut == first.slice(0, lengths[0])
+    video = min((short / "videos").rglob("*.mp4"))
+    assert len(list(frames_of(video))) == (sum(lengths) if format == "lerobot" else lengths[0])
+    assert check_exports(tmp_path, short, format, episodes) == []

@@ -28,7 +28,7 @@ def documented_task():
     assert code is not None
     assert len(code.group(1).splitlines()) < 120
     before = set(TASKS)
-    exec(compile(code.group(1), str(PAGE), "exec"), {})
+    exec(compile(code.group(1), str(PAGE), "exec"), {"__name__": __name__})
     (name,) = set(TASKS) - before
     yield name
     TASKS.remove(name)
@@ -110,9 +110,7 @@ def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monk
     monkeypatch.setattr(task, "meet", lambda self, a: iter([a.nothing]))
     monkeypatch.setattr(task, "seen", (*task.seen, "Lift {hand}."))
     findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
-    assert findings["level 0"].detail.startswith(
-        "AttributeError: 'Actor' object has no attribute 'nothing' (test_check_task.py, line"
-    )
+    assert re.search(r"test_check_task.py:\d+: .*AttributeError: 'Actor' object has no", findings["level 0"].detail)
     assert "the unknown slot {hand}" in findings["language"].detail
     monkeypatch.setattr(
         type(build_scene(EpisodeSpec(documented_task, "aloha-agilex", 0, 0.1, "clean", 0, 0)).bodies["can"].instance),

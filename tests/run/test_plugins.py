@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.errors import DominoError
-from pipeline.run.plugins import ENV, PluginError, load_plugins
+from pipeline.run.plugins import ENV, load_plugins
 from pipeline.world.objects import FAMILIES
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "extension"
@@ -49,15 +49,21 @@ def loaded(monkeypatch):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1 +", "broken: line 1 SyntaxError"),
-        ("raise RuntimeError('no\\nlicence')", "broken: RuntimeError: no licence"),
-        ("import not_there_at_all", "broken: ModuleNotFoundError"),
-        ("raise SystemExit(0)", "broken: SystemExit"),
+        ("1 +", "broken.py:1: SyntaxError: invalid syntax"),
+        ("Limit = 1\nx = Limt(2)", "broken.py:2: NameError: name 'Limt' is not defined. Did you mean: 'Limit'?"),
+        (
+            "from pipeline.tasks import TASKS\nfrom pipeline.tasks.contract import register\n\n@register\n"
+            "class Own(type(TASKS['click_bell'])):\n    sen = ('Press {bell}.',)",
+            "broken.py:6: task own: has no attribute sen: write seen, or _sen for a name of your own",
+        ),
+        ("raise RuntimeError('no\\nlicence')", "broken.py:1: RuntimeError: no licence"),
+        ("import not_there_at_all", "broken.py:1: ModuleNotFoundError"),
+        ("raise SystemExit(0)", "broken.py:1: SystemExit"),
     ],
 )
 def test_a_module_that_cannot_be_imported_is_named_in_one_line(tmp_path, loaded, text, said):
     (tmp_path / "broken.py").write_text(text)
-    with pytest.raises(PluginError) as error:
+    with pytest.raises(DominoError) as error:
         loaded(tmp_path)
     assert said in str(error.value) and "\n" not in str(error.value)
 

@@ -19,7 +19,7 @@ TASKS = ("adjust_bottle", "move_can_pot", "grab_roller", "shake_bottle")
 def ladder(
     given: Given,
     demonstrations: Annotated[
-        int, typer.Option(min=1, max=1_000_000, help="Demonstrations of a task and level; made without images.")
+        int, typer.Option(min=1, max=1_000_000, help="Demonstrations, and corrections in a round, of a task and level.")
     ] = 50,
     data: Annotated[Path | None, typer.Option(help="Learn from the episodes of this dataset instead.")] = None,
     corrections: Annotated[
@@ -28,13 +28,20 @@ def ladder(
     corrections_weight: Annotated[
         float, typer.Option(min=0.01, max=100, help="Weight of a frame of the corrections relative to other frames.")
     ] = 1.0,
+    rounds: Annotated[
+        int, typer.Option(min=0, max=100, help="How often the reactive expert corrects networks of states, which then learn again.")
+    ] = 0,
     rungs: Annotated[
-        str, typer.Option(help="Of position, velocity, two_frames (states); act, diffusion (images of --data, by lerobot-train).")
+        str,
+        typer.Option(
+            help="Of position, velocity, two_frames (states); by lerobot-train act_velocity, diffusion_velocity (states), act and "
+            "diffusion (images of --data)."
+        ),
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk, and those executed.")] = "8:4,40:20",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Number of networks of each kind.")] = 3,
     steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of training, of 256 frames each.")] = 5000,
-    image_steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of lerobot-train for act and diffusion.")] = 20_000,
+    image_steps: Annotated[int, typer.Option(min=1, max=10**9, help="Steps of lerobot-train.")] = 20_000,
     train_options: Annotated[str, typer.Option(help="Further arguments of lerobot-train, such as '--policy.device=cuda'.")] = "",
     back: Annotated[int, typer.Option(min=1, max=1000, help="Number of frames by which two_frames looks back.")] = 1,
     episodes: Annotated[int, typer.Option(min=1, max=1_000_000, help="Admitted scenes per task and level.")] = 20,
@@ -46,20 +53,24 @@ def ladder(
     as_json: AsJson = False,
 ) -> None:
     """Compare state networks with and without velocity on moving targets of levels 0-3; they train in minutes."""
+    from pipeline.data.keys import digest
     from pipeline.report.card.ladder import table
     from pipeline.run.evaluation import evaluation_version, runner
-    from pipeline.run.identity.slot_keys import code_version
+    from pipeline.run.identity.slot_keys import code_version, policy_version
     from training.ladder.climb import Ladder, climb
     from training.ladder.features import INPUTS
     from training.ladder.image_rungs import IMAGE_RUNGS
+    from training.ladder.lerobot_states import LEROBOT_STATES
     from training.ladder.network import Settings
 
-    every = (*INPUTS, *IMAGE_RUNGS)
+    every = (*INPUTS, *LEROBOT_STATES, *IMAGE_RUNGS)
     kinds = tuple(split_list(rungs) or ())
     if not kinds:
         raise UsageError(f"--rungs {rungs!r} names nothing: choose from {', '.join(every)}")
     if unknown := [name for name in kinds if name not in every]:
         raise UsageError(f"--rungs {unknown[0]!r} is unknown: choose from {', '.join(every)}")
+    if rounds and not set(kinds) & set(INPUTS):
+        raise UsageError(f"--rounds {rounds} corrects networks of states: name one of {', '.join(INPUTS)} in --rungs")
     if data is None and (seeing := [name for name in kinds if name in IMAGE_RUNGS]):
         raise UsageError(f"--rungs {seeing[0]} learns from images: give --data a dataset that has them")
     if data is not None and not given.from_file:
@@ -67,9 +78,10 @@ def ladder(
     recipe = given.recipe(tasks=TASKS, levels=[0, 1, 2, 3])
     recipe = recipe.override({"episodes": demonstrations, "total": None, "floor": None})
     settings = Settings(steps=steps, back=back)
-    wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version(), code_version())
+    wanted = Ladder(recipe, kinds, _pairs(chunks), seeds, episodes, settings, data, evaluation_version())
     wanted = replace(wanted, image_steps=image_steps, train_options=_words(train_options))
-    wanted = replace(wanted, corrections=tuple(map(Path, split_list(corrections) or ())), weight=corrections_weight)
+    wanted = replace(wanted, corrections=tuple(map(Path, split_list(corrections) or ())), weight=corrections_weight, rounds=rounds)
+    wanted = replace(wanted, physics=digest([code_version(), policy_version()]))
     try:
         import torch  # noqa: F401
     except ImportError as error:

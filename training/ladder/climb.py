@@ -24,8 +24,10 @@ from pipeline.evaluate.protocol import Runner
 from pipeline.report.card.ladder import RESULTS, Result
 from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset
+from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
+from training.ladder.rounds import correct
 from training.ladder.samples import LadderError, samples, weights
 from training.ladder.tables import Tried, summary, write_results
 from training.ladder.training import train
@@ -39,8 +41,8 @@ class Ladder:
     `executed` are pairs of a chunk's length and how much of it is executed; networks of states of one length are trained once.
     Inputs that are IMAGE_RUNGS are trained by LeRobot on the images of `data`, for `image_steps` steps and with the words
     `train_options` besides. Networks of states also learn from the datasets `corrections`, whose frames are drawn `weight` times
-    as often as others. `episodes` are admitted scenes a cell. `code` names the version of this program, `physics` that of what
-    makes demonstrations: those of another version are made again.
+    as often as others. `rounds` is how often the networks are corrected and trained again. `episodes` are admitted scenes a cell.
+    `code` names the version of this program, `physics` that of what makes demonstrations: those of another version are made again.
     """
 
     recipe: Recipe
@@ -56,16 +58,19 @@ class Ladder:
     train_options: tuple[str, ...] = ()
     corrections: tuple[Path, ...] = ()
     weight: float = 1.0
+    rounds: int = 0
 
 
 @dataclass(frozen=True)
 class Network:
-    """What was trained: its inputs, actions in a chunk, how many of them are executed, and demonstrations."""
+    """What was trained: its inputs, actions in a chunk, how many of them are executed, demonstrations, and the round of corrections
+    after which it was."""
 
     inputs: str
     chunk: int
     execute: int
     demonstrations: int
+    round: int = 0
 
 
 def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = lambda text: None) -> list[Result]:
@@ -76,31 +81,56 @@ def climb(ladder: Ladder, out: Path, run: Runner, tell: Callable[[str], None] = 
     """
     check_directory(out)
     rows = list[Tried]()
-    states = [kind for kind in ladder.inputs if kind not in IMAGE_RUNGS]
     for task in ladder.recipe.tasks:
-        if states:
-            tell(f"{task}: demonstrations")
-            shown = list(_demonstrations(ladder, task, out, run))
-            for dataset in ladder.corrections:
-                shown += read_demonstrations(dataset, ladder.recipe.model_copy(update={"tasks": (task,)}).cells())
-            if len(shown) == 0:
-                raise LadderError(f"{task}: there is no demonstration to learn from; give --data a dataset that has some")
-            lengths = sorted({chunk for chunk, _ in ladder.executed})
-            source = ladder.recipe if ladder.data is None else Dataset(ladder.data).setup()
-            made_for = {key: getattr(source, key) for key in ("fps", "layout")}
-            for seed, kind, chunk in itertools.product(range(ladder.seeds), states, lengths):
-                settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed, **made_for)
-                tell(f"{task}: {kind}, chunk {chunk}, seed {seed}")
-                path = train_missing(shown, settings, out / "networks" / task, ladder.weight)
-                for execute in (e for c, e in ladder.executed if c == chunk):
-                    network = Network(kind, chunk, execute, len(shown))
-                    wanted = evaluation(ladder, task, LadderForm().name(f"ladder:{path}?execute={execute}"), blind(ladder.recipe))
-                    rows += [_score(network, cell) for cell in run_evaluation(wanted, out, run).cells]
-                write_results(out / RESULTS, summary(rows), ladder.code)
-        for found in _image_rows(ladder, task, out, run, tell):
+        for found in itertools.chain(_state_rows(ladder, task, out, run, tell), _image_rows(ladder, task, out, run, tell)):
             rows += found
             write_results(out / RESULTS, summary(rows), ladder.code)
     return summary(rows)
+
+
+def _state_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:
+    """Rows of the rungs that see states, one list a network, one round after the other.
+
+    Every rung and chunk has corrections of its own: those of its network of seed 0.
+    """
+    kinds = [kind for kind in ladder.inputs if kind not in IMAGE_RUNGS]
+    if not kinds:
+        return
+    tell(f"{task}: demonstrations")
+    recipe = ladder.recipe.model_copy(update={"tasks": (task,)})
+    learned = dict.fromkeys(itertools.product(kinds, ladder.executed), _demonstrations(ladder, recipe, out, run))
+    source = recipe if ladder.data is None else Dataset(ladder.data).setup()
+    made_for = {key: getattr(source, key) for key in ("fps", "layout")}
+    for number in range(ladder.rounds + 1):
+        first = dict[tuple[str, tuple[int, int]], PolicyName]()
+        for seed, ((kind, (chunk, execute)), shown) in itertools.product(range(ladder.seeds), learned.items()):
+            tell(f"{task}: {kind}, chunk {chunk}, seed {seed}" + f", round {number}" * (ladder.rounds > 0))
+            settings = replace(ladder.settings, inputs=kind, chunk=chunk, seed=seed, **made_for)
+            where = out / "networks" / task
+            if kind in LEROBOT_STATES:
+                policy = LadderForm().name(f"ladder:{_train_lerobot(ladder, shown, settings, execute, where)}")
+            else:
+                policy = LadderForm().name(f"ladder:{train_missing(shown, settings, where, ladder.weight)}?execute={execute}")
+            first.setdefault((kind, (chunk, execute)), policy)
+            network = Network(kind, chunk, execute, len(shown), number)
+            wanted = evaluation(ladder, task, policy, blind(ladder.recipe))
+            yield [_score(network, cell) for cell in run_evaluation(wanted, out, run).cells]
+        if number < ladder.rounds:
+            tell(f"{task}: corrections, round {number + 1}")
+            for key, policy in first.items():
+                learned[key] = [*learned[key], *correct(recipe, policy, number + 1, _find_store(ladder, out), run)]
+
+
+def _train_lerobot(ladder: Ladder, shown: Sequence[Demonstration], settings: Settings, execute: int, where: Path) -> Path:
+    """The directory of a policy of LeRobot on states, trained if it is not there.
+
+    It learns from demonstrations as an export has them: without disturbed copies, all frames drawn alike."""
+    kind, seen = LEROBOT_STATES[settings.inputs], replace(settings, inputs="velocity", copies=0)
+    dataset = state_dataset(shown, seen, where.parent.parent / "lerobot")
+    words = (*WORDS, *ladder.train_options)
+    path = image_policy(ImageTraining(kind, settings.chunk, execute, settings.seed, ladder.image_steps, words), dataset, where)
+    keep_settings(seen, path)
+    return path
 
 
 def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callable[[str], None]) -> Iterator[list[Tried]]:
@@ -123,11 +153,22 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
         yield [_score(network, cell) for cell in run_evaluation(wanted, out, run).cells]
 
 
-def _demonstrations(ladder: Ladder, task: str, out: Path, run: Runner) -> Iterator[Demonstration]:
-    recipe = ladder.recipe.model_copy(update={"tasks": (task,)})
+def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
+    """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
     if ladder.data is None:
-        return make_demonstrations(recipe, out / "demonstrations" / (ladder.physics[:12] or "any") / recipe.label, run)
-    return read_demonstrations(ladder.data, recipe.cells())
+        shown = list(make_demonstrations(recipe, _find_store(ladder, out), run))
+    else:
+        shown = list(read_demonstrations(ladder.data, recipe.cells()))
+    for dataset in ladder.corrections:
+        shown += read_demonstrations(dataset, recipe.cells())
+    if not shown:
+        raise LadderError(f"{recipe.tasks[0]}: there is no demonstration to learn from; give --data a dataset that has some")
+    return shown
+
+
+def _find_store(ladder: Ladder, out: Path) -> Path:
+    """Where the demonstrations of this version of the program are kept."""
+    return out / "demonstrations" / (ladder.physics[:12] or "any")
 
 
 def train_missing(shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0) -> Path:
@@ -161,6 +202,7 @@ def _score(network: Network, cell: Mapping[str, Any]) -> Tried:
         "chunk": network.chunk,
         "execute": network.execute,
         "demonstrations": network.demonstrations,
+        "round": network.round,
         "solved": len(cell["solved_seeds"]),
         "episodes": cell["episodes"],
         "solved_seeds": cell["solved_seeds"],

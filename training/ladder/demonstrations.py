@@ -21,6 +21,9 @@ from pipeline.stages.failure import Failure
 from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
 
+AFTER_SUCCESS = 0.0
+"""Seconds after the success with which demonstrations end for LeRobot: after it the hand returns on the way on which it came."""
+
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
@@ -28,7 +31,7 @@ class Demonstration:
 
     Joints and actions (T,A), tool poses (T,2,7), poses (T,B,7) of the bodies, the target first, their named points (T,P,3) in the
     world, and the target's velocity (T,3). Also the number of frames before the robot touches the target, and before the expert
-    that corrects a policy acts.
+    that corrects a policy acts, and until the success (0 if it is not known).
     """
 
     cell: Cell
@@ -41,6 +44,7 @@ class Demonstration:
     points: Floats
     velocity: Floats
     corrected: int = 0
+    solved: int = 0
 
     @classmethod
     def of(cls, cell: Cell, log: StateLog, bodies: Mapping[str, Family], target: str) -> "Demonstration":
@@ -51,7 +55,7 @@ class Demonstration:
         untouched = len(log) if touched is None else int(np.searchsorted(log.times, touched))
         arrays = (state.joints, log.action, state.tools, state.poses, state.points, state.velocity)
         corrected = 0 if log.intervention is None else int(np.argmax(log.intervention))
-        return cls(cell, tuple(names), untouched, *arrays, corrected)
+        return cls(cell, tuple(names), untouched, *arrays, corrected, log.frames_until("success", AFTER_SUCCESS))
 
     @property
     def state(self) -> State:
@@ -75,7 +79,7 @@ class Demonstration:
             return cls(**arrays, **head | {"cell": Cell(**head["cell"]), "bodies": tuple(head["bodies"])})
 
 
-HEAD = ("bodies", "untouched", "corrected")
+HEAD = ("bodies", "untouched", "corrected", "solved")
 ARRAYS = ("joints", "actions", "tools", "poses", "points", "velocity")
 
 
@@ -106,7 +110,11 @@ def fill(job: SlotJob, perform: Perform | None = None) -> Demonstration | None:
 
 
 def make_demonstrations(recipe: Recipe, where: Path, run: Runner) -> Iterator[Demonstration]:
-    """Demonstrations of every slot of the recipe in the order of slots; what is not below `where` yet is made and kept there."""
+    """Demonstrations of every slot of the recipe in the order of slots.
+
+    What is missing below `where` is made and kept there, apart from what belongs to recipes with other labels or seeds.
+    """
+    where /= recipe.label + f"-seed{recipe.seed}" * (recipe.seed != 0)
     slots = list(recipe.physical_slots())
     missing = [SlotJob(recipe, slot) for slot in slots if not _path(where, slot).exists()]
     for job, found in run(fill, missing) if missing else ():

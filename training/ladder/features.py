@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.state_log import StateLog
+from pipeline.evaluate.trial import Trial
 from pipeline.poses import Floats, quat_rotate
 from pipeline.world.objects import Family
 
@@ -42,6 +43,25 @@ class State:
     def at(self, rows: NDArray[np.intp]) -> "State":
         """These frames of it."""
         return State(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+class Sight:
+    """What a policy of a rung sees of a running trial."""
+
+    def __init__(self, inputs: str, back: int) -> None:
+        self._inputs, self._back = inputs, back
+
+    def see(self, trial: Trial) -> None:
+        """The trial that is seen from now on."""
+        scene = trial.scene
+        names = target_first((name for name in scene.bodies if name not in scene.clutter), scene.task.target)
+        self._trial, self._bodies = trial, {name: scene.bodies[name].instance for name in names}
+
+    def look(self) -> tuple[Floats, Floats]:
+        """Features (1,F) and measured joints (1,A) of its last frame."""
+        log = self._trial.log()
+        state = State.of(log, self._bodies, slice(max(0, len(log) - 1 - self._back), None))
+        return features(state.at(np.array([-1])), state.at(np.array([0])), self._inputs), state.joints[-1:]
 
 
 def features(now: State, before: State, kind: str) -> Floats:

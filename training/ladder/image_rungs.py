@@ -13,6 +13,7 @@ from pathlib import Path
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Cell
 from pipeline.export import EXPORTERS, Job, parse_options
+from training.ladder.demonstrations import AFTER_SUCCESS
 from training.ladder.samples import LadderError
 
 IMAGE_RUNGS = ("act", "diffusion")
@@ -22,10 +23,11 @@ SMALL = {
         *("dim_model=256", "n_heads=4", "dim_feedforward=1024", "n_encoder_layers=2", "use_vae=false"),
         *("optimizer_lr=3e-4", "optimizer_lr_backbone=1e-4"),
     ),
-    "diffusion": ("down_dims=[128,256]", "noise_scheduler_type=DDIM", "num_inference_steps=10"),
+    "diffusion": ("down_dims=[128,256]", "noise_scheduler_type=DDIM", "num_inference_steps=10", "use_group_norm=true"),
 }
-"""What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; no variational encoder, because a
-scripted expert has one style; and a higher rate for the backbone, which starts from random weights here."""
+"""What differs from LeRobot's defaults: smaller, so that a CPU can train it on small images; for ACT no variational encoder,
+because a scripted expert has one style, and a higher rate for the backbone; for diffusion a
+normalisation that needs no statistics. Both backbones start from random weights here."""
 
 
 @dataclass(frozen=True)
@@ -73,17 +75,24 @@ def image_policy(training: ImageTraining, dataset: Path, where: Path) -> Path:
 
 
 def lerobot_dataset(root: Path, cells: Sequence[Cell], where: Path) -> tuple[Path, int]:
-    """The dataset's accepted episodes of these cells as a LeRobot dataset below `where`, exported if it is not there, and how many
-    there are. Its name carries a hash of their bytes."""
+    """The dataset's accepted episodes of these cells until their success as a LeRobot dataset below `where`, exported if it is not
+    there, and how many there are. Its name carries a hash of their bytes."""
     dataset = Dataset(root)
     found = [(dataset.episode(slot), record.sha256) for slot, record in dataset.records(dataset.recipe()) if slot.cell in cells]
     mine = sorted((path, sha) for path, sha in found if sha)
     if not mine:
         raise LadderError(f"{cells[0].task}: {root} has no episode to learn from")
-    out = where / f"{cells[0].task}_{hashlib.sha256(repr([sha for _, sha in mine]).encode()).hexdigest()[:8]}"
+    out = where / f"{cells[0].task}_{hashlib.sha256(repr([AFTER_SUCCESS, *(sha for _, sha in mine)]).encode()).hexdigest()[:8]}"
     if not out.exists():
         exporter = EXPORTERS["lerobot"]
-        exporter.export(Job(root, out, [path for path, _ in mine], parse_options("lerobot", exporter.options, {})))
+        exporter.export(
+            Job(
+                root,
+                out,
+                [path for path, _ in mine],
+                parse_options("lerobot", exporter.options, {"after_success": str(AFTER_SUCCESS)}),
+            )
+        )
     return out, len(mine)
 
 

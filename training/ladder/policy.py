@@ -1,17 +1,18 @@
-"""A network of the ladder as a policy: --policy ladder:FILE.npz?execute=N"""
+"""A network of the ladder as a policy: --policy ladder:FILE.npz?execute=N, or ladder:DIRECTORY of a policy of LeRobot on states."""
 
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.evaluate.adapters.files import digest_of
-from pipeline.evaluate.adapters.settings import parse_settings
+from pipeline.evaluate.adapters.lerobot import load
+from pipeline.evaluate.adapters.settings import Settings, parse_settings
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policies import FORMS
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start
 from pipeline.evaluate.trial import Trial
-from training.ladder.features import State, features, reference, target_first
+from training.ladder.features import Sight, reference
+from training.ladder.lerobot_states import LerobotStates, settings_of
 from training.ladder.network import Network
 
 
@@ -20,6 +21,7 @@ class StatePolicy:
 
     def __init__(self, network: Network, execute: int) -> None:
         self._network, self._execute = network, execute
+        self._sight = Sight(network.settings.inputs, network.settings.back)
         self.setup = {"fps": network.settings.fps, "layout": network.settings.layout}
 
     def reset(self, start: Start) -> None:
@@ -28,17 +30,12 @@ class StatePolicy:
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial whose bodies it sees."""
-        scene = trial.scene
-        names = target_first((name for name in scene.bodies if name not in scene.clutter), scene.task.target)
-        self._trial, self._bodies = trial, {name: scene.bodies[name].instance for name in names}
+        self._sight.see(trial)
 
     def act(self, observation: Observation) -> ArrayLike:
         """The next actions (execute,A)."""
-        log, settings = self._trial.log(), self._network.settings
-        state = State.of(log, self._bodies, slice(max(0, len(log) - 1 - settings.back), None))
-        last, first = np.array([len(state.joints) - 1]), np.array([0])
-        x = features(state.at(last), state.at(first), settings.inputs)
-        return self._network(x)[0, : self._execute] + reference(state.joints[-1:], self._grippers)
+        x, joints = self._sight.look()
+        return self._network(x)[0, : self._execute] + reference(joints, self._grippers)
 
 
 class LadderForm:
@@ -49,20 +46,29 @@ class LadderForm:
         given = parse_settings(text)
         options = given.take("execute")
         path = Path(given.path)
-        label = f"ladder:{path.stem}@{digest_of([path])}{given.text}"
+        files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+        label = f"ladder:{path.stem}@{digest_of(files)}{given.text}"
         return PolicyName(f"{given.kind}:{path.resolve()}" + (f"?execute={options['execute']}" if options else ""), label)
 
     def make(self, text: str) -> Policy:
         """Raises PolicyError for a file that is no network, and for more actions than its chunk has."""
         given = parse_settings(text)
+        path = Path(given.path)
         try:
-            network = Network.read(Path(given.path))
+            if path.is_dir():
+                return _on_states(given)
+            network = Network.read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise PolicyError(f"--policy {text}: is no network of the ladder ({error})") from error
         execute = given.take("execute").get("execute", max(1, network.settings.chunk // 2))
         if not isinstance(execute, int) or not 1 <= execute <= network.settings.chunk:
             raise PolicyError(f"--policy {text}: execute is a whole number from 1 to {network.settings.chunk}")
         return StatePolicy(network, execute)
+
+
+def _on_states(given: Settings) -> Policy:
+    given.take()
+    return load(given, LerobotStates).seeing(settings_of(Path(given.path)))
 
 
 FORMS.add("ladder", LadderForm())

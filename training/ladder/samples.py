@@ -1,6 +1,6 @@
 """What a network learns from: features and chunks of demonstrations, as they are and with the arms off their path."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from pipeline.poses import Floats
 from pipeline.world.robots import get_embodiment
 from training.ladder.demonstrations import Demonstration
 from training.ladder.disturb import disturbances, disturbed
-from training.ladder.features import chunks, earlier, features
+from training.ladder.features import State, chunks, earlier, features
 from training.ladder.network import Settings
 
 
@@ -31,9 +31,19 @@ def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats,
 
     Raises LadderError if demonstrations have different bodies.
     """
-    x, y, rng = list[Floats](), list[Floats](), np.random.default_rng(0)
-    embodiment = shown[0].cell.embodiment
-    grippers = [i for i, name in enumerate(get_embodiment(embodiment).vector_names) if name.endswith("gripper")]
+    x, y = list[Floats](), list[Floats]()
+    names = get_embodiment(shown[0].cell.embodiment).vector_names
+    grippers = [i for i, name in enumerate(names) if name.endswith("gripper")]
+    for d, seen, before in views(shown, settings):
+        x.append(features(seen, before, settings.inputs)[d.corrected : -1])
+        y.append(chunks(seen.joints, d.actions, settings.chunk, grippers)[d.corrected :])
+    return np.concatenate(x), np.concatenate(y)
+
+
+def views(shown: Sequence[Demonstration], settings: Settings) -> Iterator[tuple[Demonstration, State, State]]:
+    """Each demonstration with its states and those `back` frames before, as they are and then in `copies` with the arms off their
+    path. Raises LadderError if demonstrations have different bodies."""
+    rng, embodiment = np.random.default_rng(0), shown[0].cell.embodiment
     for d in shown:
         if d.bodies != shown[0].bodies or d.points.shape[1:] != shown[0].points.shape[1:]:
             raise LadderError(f"{d.cell.task}: scenes have different bodies, which a network of a fixed size cannot see")
@@ -44,6 +54,4 @@ def samples(shown: Sequence[Demonstration], settings: Settings) -> tuple[Floats,
             if copy:
                 offsets = disturbances(embodiment, frames, d.untouched, settings.spread, rng)
                 seen = disturbed(now, embodiment, offsets)
-            x.append(features(seen, before, settings.inputs)[d.corrected : -1])
-            y.append(chunks(seen.joints, d.actions, settings.chunk, grippers)[d.corrected :])
-    return np.concatenate(x), np.concatenate(y)
+            yield d, seen, before

@@ -10,7 +10,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.intervals import clustered
 from pipeline.report.card.ladder import Result, Score, read_results
 
-KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations")
+KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations", "round")
 
 
 class Tried(Score):
@@ -57,4 +57,4 @@ def write_results(path: Path, rows: Sequence[Result], code: str) -> None:
 
 
 def _key(row: Score) -> tuple[Any, ...]:
-    return tuple(row[key] for key in KEYS)
+    return tuple(row.get(key, 0) for key in KEYS)

@@ -46,6 +46,8 @@ def write_start(words: Sequence[str], out: str) -> bool:
     dataset = LeRobotDataset(**names)
     policy: Any = make_policy(config, ds_meta=dataset.meta)
     cameras: list[str] = dataset.meta.camera_keys
+    if not cameras:
+        return False
     # lerobot-train scales images by these statistics, whatever the dataset's are
     stats: Any = {key: value | (IMAGENET_STATS if key in cameras else {}) for key, value in (dataset.meta.stats or {}).items()}
     processors: Any = make_pre_post_processors(policy.config, dataset_stats=stats)

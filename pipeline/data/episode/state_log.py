@@ -107,6 +107,11 @@ class StateLog:
         """The first event of that name, or None."""
         return next((e for e in self.events if e.name == name), None)
 
+    def frames_until(self, event: str, more: float) -> int:
+        """The number of frames until `more` seconds after an event, at least one; all of them if it did not happen."""
+        time = self.time_of(event)
+        return len(self) if time is None else max(1, int(np.searchsorted(self.times, time + more + 1e-6, side="right")))
+
     def time_of(self, event: str) -> float | None:
         """Time (s) of the first event of that name, or None."""
         found = self.event(event)

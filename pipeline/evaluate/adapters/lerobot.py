@@ -66,12 +66,13 @@ class LerobotPolicy:
         """A chunk (H,A)."""
         import torch
 
-        batch = self._before(self._batch(observation))
+        batch = self._before(self.batch(observation))
         with torch.inference_mode():
             actions = [self._after(self._policy.select_action(batch)) for _ in range(self._at_once)]
         return torch.cat(actions).to("cpu", torch.float64).numpy()
 
-    def _batch(self, observation: Observation) -> dict[str, Any]:
+    def batch(self, observation: Observation) -> dict[str, Any]:
+        """What LeRobot's processors are given."""
         import torch
 
         batch: dict[str, Any] = {
@@ -128,8 +129,8 @@ class LerobotForm:
             raise PolicyError(f"--policy {text}: cannot be loaded: {' '.join(str(error).split())[:300]}") from error
 
 
-def load(settings: Settings) -> LerobotPolicy:
-    """The policy and its processors, by lerobot's factory."""
+def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:
+    """The policy of this kind and its processors, by lerobot's factory."""
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
@@ -142,4 +143,4 @@ def load(settings: Settings) -> LerobotPolicy:
     policy.eval()
     device = {"device_processor": {"device": str(policy.config.device)}}
     processors = make_pre_post_processors(config, settings.path, revision, preprocessor_overrides=device)
-    return LerobotPolicy(policy, processors, bool(options.get("resize", False)))
+    return kind(policy, processors, bool(options.get("resize", False)))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import read_json
@@ -10,9 +10,11 @@ from pipeline.data.parsing import read_json
 RESULTS = "ladder.json"
 """Name of the file of results."""
 
+ROUNDS = "`round` counts how often they were corrected and trained again (DAgger). "
+
 
 class Score(TypedDict):
-    """How many episodes of a cell networks of one kind solved."""
+    """How many episodes of a cell networks of one kind solved, after how many rounds of corrections."""
 
     task: str
     embodiment: str
@@ -22,6 +24,7 @@ class Score(TypedDict):
     chunk: int
     execute: int
     demonstrations: int
+    round: NotRequired[int]
     solved: int
     episodes: int
 
@@ -41,14 +44,21 @@ class ResultsFileError(DominoError):
 
 def table(rows: Sequence[Result]) -> str:
     """Markdown: networks down, levels across, per cent solved with its interval."""
-    levels = sorted({row["level"] for row in rows})
-    lines = [f"| task | input | chunk | executed | {' | '.join(f'level {n}' for n in levels)} |"]
-    lines.append("|---|---|---:|---:|" + "---:|" * len(levels))
-    for key in dict.fromkeys((r["task"], r["inputs"], r["chunk"], r["execute"]) for r in rows):
-        found = {r["level"]: r for r in rows if (r["task"], r["inputs"], r["chunk"], r["execute"]) == key}
+    levels, rounds = sorted({row["level"] for row in rows}), any(map(_round, rows))
+    heads = ["task", "input", "chunk", "executed", *(["round"] * rounds), *(f"level {n}" for n in levels)]
+    lines = [f"| {' | '.join(heads)} |", "|---|---|" + "---:|" * (len(heads) - 2)]
+    by_key = dict[tuple[str | int, ...], dict[int, Result]]()
+    for row in rows:
+        key = (row["task"], row["inputs"], row["chunk"], row["execute"], *([_round(row)] * rounds))
+        by_key.setdefault(key, {})[row["level"]] = row
+    for key, found in by_key.items():
         cells = [_cell(found[n]) if n in found else "-" for n in levels]
         lines.append(f"| {' | '.join(map(str, (*key, *cells)))} |")
     return "\n".join(lines)
+
+
+def _round(row: Result) -> int:
+    return row.get("round", 0)
 
 
 def _cell(row: Result) -> str:
@@ -79,7 +89,7 @@ def as_markdown(rows: Sequence[Result], code: str) -> str:
     return (
         "What memory buys on moving targets: small networks on states learn a task at all levels together and differ only in what "
         "they see: where everything is (`position`), the target's velocity besides (`velocity`), or how bodies moved since the "
-        f"frame before (`two_frames`). "
+        f"frame before (`two_frames`). {ROUNDS if any(map(_round, rows)) else ''}"
         f"{robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
         f"Per cent of episodes ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data ladder`), "
         f"95 % interval clustered by scene in brackets. Code {code[:12]}.\n\n{table(rows)}\n"

@@ -87,6 +87,11 @@ def code_version() -> str:
     return _code_version(sources.package_root())
 
 
+def policy_version() -> str:
+    """A hash of the code by which policies act and are corrected, without that of the policies."""
+    return _policy_part(sources.package_root())
+
+
 @cache
 def _code_version(root: Path) -> str:
     return recall(root, ["code version"], lambda: _code_parts().code_version(root))
@@ -100,7 +105,6 @@ def _slot_parts(root: Path, task: str, embodiment: str, randomized: bool, motion
 
 @cache
 def _policy_part(root: Path) -> str:
-    """The code by which policies act, without that of the policies."""
     return recall(root, ["policy part"], lambda: sources.sources_hash(root, sources.closure(root, CORRECTING)))
 
 

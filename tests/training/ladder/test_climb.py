@@ -2,7 +2,7 @@
 
 import json
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from pipeline.planning.planner import planner_for
 from pipeline.report.card.ladder import RESULTS, read_results, table
 from tests.run.command import inside
 from training.ladder.climb import Ladder, climb
-from training.ladder.demonstrations import ARRAYS, SlotJob, fill, read_demonstrations
+from training.ladder.demonstrations import ARRAYS, Demonstration, SlotJob, fill, read_demonstrations
 from training.ladder.disturb import disturbances, disturbed
 from training.ladder.image_rungs import ImageTraining, image_policy, lerobot_dataset
 from training.ladder.network import Settings
@@ -193,15 +193,32 @@ def test_a_dataset_is_exported_for_lerobot_once(built, tmp_path):
 
 def test_a_small_ladder_end_to_end(tmp_path):
     recipe = Recipe(tasks=("click_bell",), levels=(1,), episodes=2)
-    wanted = Ladder(recipe, ("position", "two_frames"), ((8, 4),), 1, 1, Settings(steps=5, width=32), code="c")
+    wanted = Ladder(recipe, ("position", "two_frames"), ((8, 4),), 1, 1, Settings(steps=300, width=32), code="c")
     rows = climb(wanted, tmp_path, inline)
     assert [(r["level"], r["inputs"], r["episodes"], r["demonstrations"]) for r in rows] == [
         (1, kind, 1, 2) for kind in ("position", "two_frames")
     ]
     lines = (tmp_path / "episodes.jsonl").read_text().splitlines()
     assert all(json.loads(line)["sees_truth"] for line in lines)
-    times = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
-    assert len(times) == 4
-    assert climb(wanted, tmp_path, inline) == rows == read_results(tmp_path / RESULTS)[0]
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")} == times
-    assert (tmp_path / "episodes.jsonl").read_text().splitlines() == lines
+    before, (demonstration,) = files(tmp_path), (tmp_path / "demonstrations").glob("**/episode_0000000.npz")
+    assert len(before) == 4
+
+    # a round more: nothing is made again, and the network learns what the expert did after it on a scene that is new
+    twice = replace(wanted, inputs=("position",), rounds=1)
+    first, second = climb(twice, tmp_path, inline)
+    assert (first, second["round"], second["demonstrations"]) == (rows[0], 1, 4)
+    assert files(tmp_path).items() >= before.items() and len(files(tmp_path)) == 7
+    (correction,) = (tmp_path / "demonstrations").glob("**/*-seed1/**/episode_0000000.npz")
+    made, corrected = Demonstration.read(demonstration), Demonstration.read(correction)
+    assert made.corrected == 0 < corrected.corrected and np.abs(made.poses[0] - corrected.poses[0]).max() > 0.01
+    after, tried = files(tmp_path), (tmp_path / "episodes.jsonl").read_bytes()
+    assert climb(twice, tmp_path, inline) == [first, second] and files(tmp_path) == after
+    assert (tmp_path / "episodes.jsonl").read_bytes() == tried and tried.count(b"\n") == 3
+    found, _ = read_results(tmp_path / RESULTS)
+    assert sorted((row["inputs"], row["round"]) for row in found) == [("position", 0), ("position", 1), ("two_frames", 0)]
+    assert table(found).splitlines()[0] == "| task | input | chunk | executed | round | level 1 |"
+
+
+def files(root):
+    """When each archive below a directory was written."""
+    return {path: path.stat().st_mtime_ns for path in root.rglob("*.npz")}
