@@ -88,6 +88,9 @@ class Finder(_Part):
     touches: bool = False
     """Whether the places at which both tools are when the target is first touched are found in every image, too. They show the
     size of a target that two arms grasp."""
+    memory: bool = True
+    """Whether the track follows from all images so far. Without, it is what the current image shows: its velocity is 0, and a
+    hidden target is lost."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
@@ -249,7 +252,7 @@ class Execute(_Part):
     """Actions of each chunk that are executed before the next one is asked for."""
     still: Annotated[int, Field(ge=1)] | None = None
     """As `actions`, while the target's track is slower than 3 cm/s: the later actions of a chunk lead down to a touch, where a new
-    chunk would hover above it. Needs `model.track`."""
+    chunk would hover above it. Needs `model.track` with its memory."""
     ensemble: Annotated[float, Field(ge=0)] | None = None
     """Average all chunks that cover a moment, weights exp(-m i) with i = 0 for the oldest; needs `actions` below the chunk."""
     blend: Annotated[int, Field(ge=0)] = 0
@@ -274,6 +277,8 @@ class Config(_Part):
                 raise ValueError(f"execute.{name} {count} is more than model.chunk {self.model.chunk}")
         if self.execute.still is not None and self.model.track is None:
             raise ValueError("execute.still needs the track of the target: set model.track")
+        if self.execute.still is not None and self.model.track is not None and not self.model.track.memory:
+            raise ValueError("execute.still needs the target's velocity: set it to null, or model.track.memory to true")
         if self.execute.ensemble is not None and self.execute.blend:
             raise ValueError("execute.ensemble and execute.blend exclude each other")
         if self.train.batch % self.train.accumulate:

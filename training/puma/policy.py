@@ -103,8 +103,8 @@ class PumaPolicy(BatchPolicy):
             raise PolicyError(
                 f"robot: the policy has {', '.join(self.preprocessing.embodiments)}, the evaluation {start.embodiment}"
             )
-        sight = self.preprocessing.sight
-        return Memory(Recent(self._reach), Track(sight) if sight else None)
+        sight, track = self.preprocessing.sight, self.config.model.track
+        return Memory(Recent(self._reach), Track(sight, track.memory) if sight and track else None)
 
     def act_together(self, asked: Sequence[tuple[Memory, Observation]]) -> list[Floats]:
         """The next `period` joint targets (period,A) of each episode."""

@@ -94,10 +94,12 @@ class Sight:
 
 
 class Track:
-    """A target as it was seen so far: `see` takes one sighting after another."""
+    """A target as it was seen so far: `see` takes one sighting after another.
 
-    def __init__(self, sight: Sight) -> None:
-        self._sight, self._pixel = sight, sight.metres(1.0)
+    Without `memory` only the last sighting counts, and the velocity is 0."""
+
+    def __init__(self, sight: Sight, memory: bool = True) -> None:
+        self._sight, self._pixel, self._memory = sight, sight.metres(1.0), memory
         self._time = -np.inf
         self._motion, self._cov = np.zeros((2, 2)), np.zeros((2, 2))
         self._ways, self._spread = np.zeros((0, 2)), np.zeros((0, 1))
@@ -112,7 +114,7 @@ class Track:
         found = self._sight.places(pixels)
         variance = (self._pixel * np.asarray(errors, float)) ** 2
         ways = found[1:] - found[0]
-        if not np.isfinite(self._time):
+        if not self._memory or not np.isfinite(self._time):
             self._motion[0], self._cov = found[0], np.diag([variance[0], SLOW**2])
             self._ways, self._spread = ways, variance[1:, None]
         else:

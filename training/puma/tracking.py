@@ -176,7 +176,7 @@ def _find_tracks(finder: FinderNet, sight: Sight, camera: str, cache: Cache) -> 
     pieces = [finder.find(images[i : i + FRAMES]) for i in range(0, len(images), FRAMES)]
     points, errors = (np.concatenate(some) for some in zip(*pieces, strict=True))
     for start, length in zip(cache.start, cache.length, strict=True):
-        track = Track(sight)
+        track = Track(sight, finder.settings.memory)
         for i in range(start, start + length):
             track.see(float(cache.arrays["time"][i]), points[i], errors[i])
             out.append(track.numbers)

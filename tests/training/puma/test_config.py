@@ -43,6 +43,8 @@ def test_unknown_keys_and_wrong_values_are_refused():
     assert refused({"model": {"chunks": 3}}) == "file.yaml: model.chunks is unknown"
     assert refused({"model": {"chunk": 0}}).startswith("file.yaml: model.chunk: Input should be greater than or equal to 1")
     assert refused({"execute": {"actions": 17}}) == "file.yaml: execute.actions 17 is more than model.chunk 16"
+    blind = refused({"execute": {"still": 8}, "model": {"track": {"memory": False}}})
+    assert blind.endswith("needs the target's velocity: set it to null, or model.track.memory to true")
     assert refused({"execute": {"still": 8}}) == "file.yaml: execute.still needs the track of the target: set model.track"
     assert "no multiple of train.accumulate" in refused({"train": {"batch": 5, "accumulate": 2}})
     assert "exclude each other" in refused({"execute": {"ensemble": 0.1, "blend": 2}})

@@ -69,6 +69,15 @@ def test_a_track_has_the_velocity_and_keeps_it_while_sightings_are_wrong():
     assert track.numbers[4:6] == pytest.approx([SIGHT.reach, 0.0], abs=2e-3)
 
 
+def test_a_track_without_memory_is_the_last_sighting():
+    track, fresh = Track(SIGHT, memory=False), Track(SIGHT)
+    for i in range(6):
+        track.see(i / 15, pixels(-0.1 + 0.02 * i, 0.05), EXACT)
+    fresh.see(5 / 15, pixels(0.0, 0.05), EXACT)
+    assert track.numbers == pytest.approx(fresh.numbers, abs=1e-6)
+    assert track.numbers[:4] == pytest.approx([0.0, 0.05, 0, 0], abs=1e-6) and track.speed == 0
+
+
 def test_one_sighting_far_away_moves_a_track_little_even_if_the_finder_does_not_doubt():
     track = Track(SIGHT)
     for i in range(20):
