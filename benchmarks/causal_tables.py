@@ -210,7 +210,7 @@ def draw(rows: Sequence[Row], plot: Path) -> None:
         ax = panels[row, column]
         curves(ax, Rates(rows, task, level), sizes[task])
         ax.set_title(task if row == 0 else "", fontsize=10)
-        ax.set_xlabel("demonstrations a level" if row and len(sizes[task]) > 1 else "")
+        ax.set_xlabel("demonstrations a level" if row else "")
         ax.set_ylabel(f"level {level}: success (%)" if column == 0 else "")
     handles = {label: handle for ax in panels.flat for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     names = [arm for arm in SHOWN if arm in handles]
