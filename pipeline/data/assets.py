@@ -14,7 +14,7 @@ import numpy as np
 import numpy.lib.format as npy
 from numpy.typing import NDArray
 
-from pipeline.data.atomic import remove, write_atomic
+from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, digest
 from pipeline.data.reading import check_regular
@@ -80,15 +80,6 @@ class AssetStore:
         data = _encode(*self.get(key))
         if self.path(key).read_bytes() != data:
             write_atomic(self.path(key), data)
-
-    def sweep(self) -> None:
-        """Remove every asset of the store that is damaged, so that what was in it can be put there again. Raises OSError."""
-        for path in sorted(self.root.glob("[0-9a-f][0-9a-f]/*.npz")):
-            if len(path.stem) == _DIGITS:
-                try:
-                    self.get(path.stem)
-                except AssetError:
-                    remove(path)
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:

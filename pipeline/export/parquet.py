@@ -30,7 +30,6 @@ from pipeline.export.common import (
     read_facts,
     read_summary,
     reading,
-    same,
     sort_episodes,
     source_of,
 )
@@ -73,7 +72,6 @@ class Parquet(Exporter[ParquetOptions]):
             plan = _plan(firsts, job.options, sensors, joined_of(job.dataset, job.options.annotations, job.options.camera_names))
             files = _Files(draft, plan, job.options)
             rows = Provenance(folder / PROVENANCE)
-            frames = 0
             with closing(rows), closing(files):
                 items = [_item(index, path, draft, plan, job.dataset) for index, path in enumerate(paths)]
                 kept = 0
@@ -82,15 +80,13 @@ class Parquet(Exporter[ParquetOptions]):
                         kept = index + files.keep(items, index)
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset)
-                        same(firsts[facts.spec.embodiment], facts)
+                        rows.append(facts)
                         if index >= kept:
                             files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
-                    frames += len(facts)
-                    rows.append(facts)
                     job.advance()
             values = {
                 "episodes": len(paths),
-                "frames": frames,
+                "frames": rows.frames,
                 "files": files.count,
                 "fps": plan.fps,
                 "embodiments": sorted(firsts),

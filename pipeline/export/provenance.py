@@ -13,7 +13,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
 from pipeline.data.rules import rules_of
 from pipeline.data.splits import split_of
-from pipeline.export.common import Facts, read_facts, reading
+from pipeline.export.common import Facts, read_facts, reading, same
 from pipeline.export.meetings import interception
 from pipeline.export.script import rows_of
 from pipeline.export.tables import RowWriter
@@ -135,13 +135,16 @@ def check_provenance(file: Path, dataset: Path, paths: Sequence[Path], after_suc
 
 
 class Provenance(RowWriter):
-    """A Parquet file of `provenance` rows, written a hundred at a time."""
+    """A Parquet file of `provenance` rows, written a hundred at a time; `count` episodes with `frames` frames so far."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, PROVENANCE_SCHEMA, 100)
-        self.count = 0
+        self.count = self.frames = 0
+        self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
-        """Add the next episode."""
+        """Add the next episode. Raises ExportError for one that does not fit to the first of its robot."""
+        same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         self.add(provenance(self.count, facts))
         self.count += 1
+        self.frames += len(facts)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.export.common import Facts, read_facts, reading, same
+from pipeline.export.common import Facts, read_facts, reading
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.lerobot_options import datasets_of
 from pipeline.export.meetings import interception
@@ -107,22 +107,19 @@ class PumaGt(Exporter[PumaGtOptions]):
     def export(self, job: Job[PumaGtOptions]) -> dict[str, Any]:
         """Write `job.out`. Raises ExportError for unreadable episodes and for those of one dataset that do not fit together."""
         with self.draft(job) as draft:
-            folder, frames = draft.folder, 0
-            for root, paths in _roots(job.episodes, folder, job.options):
+            frames = 0
+            for root, paths in _roots(job.episodes, draft.folder, job.options):
                 root.mkdir(parents=True)
-                first = None
                 with closing(Provenance(root / "episodes.parquet")) as rows:
                     for index, path in enumerate(paths):
                         facts, data = _encode(index, path, job.dataset)
-                        first = first or facts
-                        same(first, facts)
+                        rows.append(facts)
                         place = root / f"ep{index:03d}"
                         place.mkdir()
                         (place / "gt.pkl").write_bytes(data)
-                        rows.append(facts)
-                        frames += len(facts)
                         job.advance()
-            return self.summarize(folder, job, {"episodes": len(job.episodes), "frames": frames})
+                frames += rows.frames
+            return self.summarize(draft.folder, job, {"episodes": len(job.episodes), "frames": frames})
 
     def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: PumaGtOptions) -> list[str]:
         """Bytes must be those that the episode gives; nothing is unpickled."""

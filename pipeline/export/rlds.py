@@ -33,7 +33,6 @@ from pipeline.export.common import (
     judging,
     read_facts,
     reading,
-    same,
     write_json,
 )
 from pipeline.export.exporter import Exporter, Job, register
@@ -84,10 +83,9 @@ class Rlds(Exporter[RldsOptions]):
                         if first is not None and described != features:
                             raise ExportError(f"{facts.source}: has other sensors than {first.source}; export them separately")
                         first, features = first or facts, described
-                        same(first, facts)
-                        frames += len(facts)
                         cameras |= exported_cameras(facts, job.options.camera_names)
                         rows.append(facts)
+                frames += rows.frames
                 write_json(directory / "features.json", features)
                 write_json(directory / "dataset_info.json", _write_shards(draft, job, directory, paths))
             values = {"episodes": len(job.episodes), "frames": frames, "cameras": cameras}

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
-from pipeline.export.common import ExportError, Facts, by_embodiment, exported_cameras, judging, read_facts, reading, same
+from pipeline.export.common import ExportError, Facts, by_embodiment, exported_cameras, judging, read_facts, reading
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.images import resize
 from pipeline.export.options import camera_names, image_size, one_of, option, whole
@@ -163,13 +163,11 @@ def ends_of(buffer: Buffer, root: Path) -> ZarrArray:
 
 def _describe(buffer: Buffer, directory: Path, job: Job[ZarrOptions]) -> dict[str, str]:
     """Write episodes.parquet and return the names of the cameras; refuse episodes that do not fit together."""
-    first, names = None, dict[str, str]()
+    names = dict[str, str]()
     with closing(Provenance(directory / PROVENANCE)) as rows:
         for path in buffer.paths:
             with reading(path) as file:
                 facts = read_facts(file, job.dataset)
-            first = first or facts
-            same(first, facts)
             names = cameras_of(facts, job.options)
             rows.append(facts)
             job.advance()

@@ -80,20 +80,9 @@ def faults(text: str, wording: Wording) -> list[str]:
     return [name for name, wrong in CHECKS.items() if wrong(text, wording)]
 
 
-def _leaks(text: str, _: Wording) -> bool:
-    return bool(re.search(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]", text)) or text != text.strip()
-
-
-def _is_unfinished(text: str, _: Wording) -> bool:
-    return not re.fullmatch(r"[A-Z].*\w[.!?]", text) or bool(re.search(r"[.!?]\s+[a-z]", text))
-
-
-def _article(text: str, _: Wording) -> bool:
-    return bool(re.search(r"\b(a [aeiou]\w+|an [^aeiou\W]\w*|(the|an?) (the|an?))\b", text, re.IGNORECASE))
-
-
-def _twice_running(text: str, _: Wording) -> bool:
-    return bool(re.search(r"\b(\w+) \1\b", text, re.IGNORECASE))
+def _matches(pattern: str | re.Pattern[str]) -> Callable[[str, Wording], bool]:
+    """A check that finds fault with every text in which a pattern matches."""
+    return lambda text, _: bool(re.search(pattern, text))
 
 
 def _find_names(text: str, wording: Wording) -> list[str]:
@@ -140,26 +129,10 @@ def _disagrees(text: str, wording: Wording) -> bool:
     )
 
 
-def _motion_at_rest(text: str, wording: Wording) -> bool:
-    return not wording.moving and bool(MOTION.search(text))
-
-
 def _wrong_arm(text: str, wording: Wording) -> bool:
     acting = set(wording.arms.values())
     named = {side.lower() for side in _SIDE.findall(text)}
     return not named <= acting or (len(acting) < 2 and bool(_TWO_ARMS.search(text)))
-
-
-def _vague(text: str, _: Wording) -> bool:
-    """Whether a sentence is unclear or unnatural.
-
-    For example the middle of an unnamed thing, two things brought "together" or "the one in the other", an arm that closes or holds
-    a thing inside it, a lift of nothing."""
-    return bool(_VAGUE.search(text))
-
-
-def _misuses_verb(text: str, _: Wording) -> bool:
-    return bool(_VERB.search(text))
 
 
 def _is_misattached(text: str, wording: Wording) -> bool:
@@ -181,17 +154,17 @@ def _is_misattached(text: str, wording: Wording) -> bool:
 
 
 CHECKS: dict[str, Callable[[str, Wording], bool]] = {
-    "slot leak": _leaks,
-    "start or end": _is_unfinished,
-    "article": _article,
-    "word twice running": _twice_running,
+    "slot leak": _matches(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]|\A\s|\s\Z"),
+    "start or end": _matches(r"\A(?![A-Z].*\w[.!?]\Z)|[.!?]\s+[a-z]"),
+    "article": _matches(r"(?i)\b(a [aeiou]\w+|an [^aeiou\W]\w*|(the|an?) (the|an?))\b"),
+    "word twice running": _matches(r"(?i)\b(\w+) \1\b"),
     "repeated noun": _repeats,
     "number": _disagrees,
-    "motion at level 0": _motion_at_rest,
+    "motion at level 0": lambda text, wording: not wording.moving and bool(MOTION.search(text)),
     "arm": _wrong_arm,
     "attachment": _is_misattached,
-    "vague": _vague,
-    "verb": _misuses_verb,
+    "vague": _matches(_VAGUE),
+    "verb": _matches(_VERB),
 }
 
 FIXES = {

@@ -30,7 +30,7 @@ def test_the_example_of_a_file_runs(tmp_path):
     case, clock = case_of("click_bell", 1), parse_clock("sim")
     row = run_episode(EpisodeJob(case, policy_name(str(path)), clock, setup=Setup(cameras=("head",))))
     assert row["ending"] == "out_of_view" and row["asked"] == -(-row["periods"] // 15)
-    with pytest.raises(PolicyError, match="needs head_camera, the evaluation shows none"):
+    with pytest.raises(PolicyError, match="the policy has head_camera, the evaluation none: add --cameras"):
         run_episode(EpisodeJob(case, policy_name(str(path)), clock))
 
 

@@ -83,7 +83,8 @@ def saved(tmp_path):
 
 
 def test_a_cheat_in_its_own_process_changes_nothing(saved, tmp_path, capfd):
-    name = replace(saved(CHEAT), prints=tmp_path / "new" / "policy.log")
+    log = tmp_path / "new" / "policy.log"
+    name = replace(saved(CHEAT), prints=log)
     start = start_of(get_embodiment("aloha-agilex"), BLIND.override({"fps": 30}), "")
     with pytest.raises(PolicyError, match=r"^policy policy.py@\w+: control rate: the policy has 15 Hz, the evaluation 30 Hz: add"):
         load_policy((name, (start,)))
@@ -95,7 +96,7 @@ def test_a_cheat_in_its_own_process_changes_nothing(saved, tmp_path, capfd):
     own = {"policy": row["policy"], "process": "own", "seconds_spent": row["seconds_spent"]}
     assert row == episode(policy_name(str(honest))) | own
     assert not row["success"] and row["asked"] == row["inferences"] > 100
-    assert "no part" in name.prints.read_text() and "no part" not in "".join(capfd.readouterr())
+    assert "no part" in log.read_text() and "no part" not in "".join(capfd.readouterr())
 
 
 def test_a_process_that_ends_is_replaced_for_the_next_episode(saved, tmp_path):

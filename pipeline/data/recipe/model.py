@@ -50,7 +50,7 @@ class Recipe(Setup):
     """What a dataset is made of: its setup and which episodes. Every field has the default that a bare `build` uses."""
 
     name: _Title = "domino"
-    """Name of the dataset; changes nothing else."""
+    """A label of the dataset: a resume may change it, and makes no episode again."""
     seed: Seed = 0
     """Seed from which the seeds of all attempts follow."""
     embodiments: tuple[str, ...] = ("aloha-agilex",)
