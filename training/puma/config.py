@@ -89,8 +89,7 @@ class Finder(_Part):
     """Whether the places at which both tools are when the target is first touched are found in every image, too. They show the
     size of a target that two arms grasp."""
     memory: bool = True
-    """Whether the track follows from all images so far. Without, it is what the current image shows: its velocity is 0, and a
-    hidden target is lost."""
+    """Whether the track follows from all images so far. Without, the velocity is 0, and a hidden target is lost."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
@@ -275,10 +274,8 @@ class Config(_Part):
         for name, count in (("actions", self.execute.actions), ("still", self.execute.still or 1)):
             if count > self.model.chunk:
                 raise ValueError(f"execute.{name} {count} is more than model.chunk {self.model.chunk}")
-        if self.execute.still is not None and self.model.track is None:
-            raise ValueError("execute.still needs the track of the target: set model.track")
-        if self.execute.still is not None and self.model.track is not None and not self.model.track.memory:
-            raise ValueError("execute.still needs the target's velocity: set it to null, or model.track.memory to true")
+        if self.execute.still is not None and not (self.model.track and self.model.track.memory):
+            raise ValueError("execute.still needs the target's velocity: set it to null, or give model.track its memory")
         if self.execute.ensemble is not None and self.execute.blend:
             raise ValueError("execute.ensemble and execute.blend exclude each other")
         if self.train.batch % self.train.accumulate:

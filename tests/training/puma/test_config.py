@@ -44,8 +44,8 @@ def test_unknown_keys_and_wrong_values_are_refused():
     assert refused({"model": {"chunk": 0}}).startswith("file.yaml: model.chunk: Input should be greater than or equal to 1")
     assert refused({"execute": {"actions": 17}}) == "file.yaml: execute.actions 17 is more than model.chunk 16"
     blind = refused({"execute": {"still": 8}, "model": {"track": {"memory": False}}})
-    assert blind.endswith("needs the target's velocity: set it to null, or model.track.memory to true")
-    assert refused({"execute": {"still": 8}}) == "file.yaml: execute.still needs the track of the target: set model.track"
+    wanted = "file.yaml: execute.still needs the target's velocity: set it to null, or give model.track its memory"
+    assert blind == refused({"execute": {"still": 8}}) == wanted
     assert "no multiple of train.accumulate" in refused({"train": {"batch": 5, "accumulate": 2}})
     assert "exclude each other" in refused({"execute": {"ensemble": 0.1, "blend": 2}})
     assert "train.betas.1: Input should be less than 1" in refused({"train": {"betas": [0.9, 2]}})
