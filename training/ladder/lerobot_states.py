@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.adapters.lerobot import ACTION, STATE, LerobotPolicy
+from pipeline.evaluate.adapters.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policy import Observation
 from pipeline.evaluate.trial import Trial
@@ -27,7 +27,7 @@ LEROBOT_STATES = {"act_velocity": "act", "diffusion_velocity": "diffusion"}
 WORDS = ("--batch_size=64",)
 """A step costs a tenth of one with images, so it has more frames."""
 
-ENVIRONMENT, SETTINGS = "observation.environment_state", "ladder.json"
+SETTINGS = "ladder.json"
 
 
 def settings_of(folder: Path) -> Settings:

@@ -22,6 +22,7 @@ from pipeline.evaluate.serving.fit import DATASET_CAMERAS
 
 OPTIONS = ("device", "resize", "revision")
 IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"
+ENVIRONMENT = "observation.environment_state"
 
 
 class LerobotPolicy:
@@ -30,6 +31,7 @@ class LerobotPolicy:
     def __init__(self, policy: Any, processors: tuple[Any, Any], resize: bool) -> None:
         self._policy, (self._before, self._after), self._resize = policy, processors, resize
         config = policy.config
+        self.sees_state = ENVIRONMENT in (config.input_features or {})
         self._keys: dict[str, tuple[str, tuple[int, int]]] = {}
         for key, feature in (config.image_features or {}).items():
             name = str(key).removeprefix(IMAGES)
@@ -122,11 +124,14 @@ class LerobotForm:
         """Load the policy. Raises PolicyError if it cannot be loaded."""
         settings = parse_settings(text)
         try:
-            return load(settings)
+            policy = load(settings)
         except ModuleNotFoundError as error:
             raise PolicyError(f"--policy {text} needs {error.name}: install domino-data[lerobot]") from error
         except (OSError, ValueError, KeyError, ImportError) as error:
             raise PolicyError(f"--policy {text}: cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+        if policy.sees_state:
+            raise PolicyError(f"--policy {text}: sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is given")
+        return policy
 
 
 def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:

@@ -24,7 +24,8 @@ class Settings:
     def take(self, *known: str) -> dict[str, Any]:
         """The options. Raises PolicyError for one that is not known."""
         if unknown := sorted(set(self.options) - set(known)):
-            raise PolicyError(f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: options are {', '.join(known)}")
+            has = f"options are {', '.join(known)}" if known else "it has no options"
+            raise PolicyError(f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: {has}")
         return self.options
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.dataset import Dataset
@@ -19,6 +20,7 @@ from training.ladder.climb import Ladder, climb
 from training.ladder.demonstrations import ARRAYS, Demonstration, SlotJob, fill, read_demonstrations
 from training.ladder.disturb import disturbances, disturbed
 from training.ladder.image_rungs import ImageTraining, image_policy, lerobot_dataset
+from training.ladder.lerobot_states import state_dataset
 from training.ladder.network import Settings
 from training.ladder.samples import LadderError, samples
 from training.ladder.tables import summary, write_results
@@ -127,18 +129,31 @@ TINY = """--policy.dim_model=32 --policy.dim_feedforward=32 --policy.n_vae_encod
 
 
 @pytest.mark.slow
-def test_image_rungs_are_trained_by_lerobot_and_tried(built, tmp_path):
+@pytest.mark.parametrize("rung", ["act", "act_velocity"])
+def test_rungs_are_trained_by_lerobot_and_tried(built, tmp_path, rung):
     pytest.importorskip("lerobot")
     recipe = Recipe(tasks=("click_bell",), levels=(1,))
     made = {"data": built, "image_steps": 2, "code": "c"}
-    wanted = Ladder(recipe, ("act",), ((4, 4),), 1, 1, train_options=tuple(TINY.split()), **made)
+    wanted = Ladder(recipe, (rung,), ((4, 4),), 1, 1, train_options=tuple(TINY.split()), **made)
     (row,) = climb(wanted, tmp_path, inline)
-    assert (row["inputs"], row["level"], row["episodes"], row["demonstrations"]) == ("act", 1, 1, 1)
+    assert (row["inputs"], row["level"], row["episodes"], row["demonstrations"]) == (rung, 1, 1, 1)
     (found,) = map(json.loads, (tmp_path / "episodes.jsonl").read_text().splitlines())
-    assert not found["sees_truth"] and found["asked"] == -(-found["periods"] // 4)
+    assert found["sees_truth"] == (rung != "act") and found["asked"] == -(-found["periods"] // 4)
     (policy,) = (tmp_path / "networks" / "click_bell").iterdir()
     assert json.loads((policy / "config.json").read_text())["dim_model"] == 32
     assert climb(wanted, tmp_path, inline) == [row]
+
+
+@pytest.mark.slow
+def test_states_for_lerobot_end_with_the_success(built, tmp_path):
+    pytest.importorskip("lerobot")
+    (shown,) = read_demonstrations(built, Recipe(tasks=("click_bell",), levels=(1,)).cells())
+    out = state_dataset([shown], Settings(inputs="velocity", copies=0), tmp_path)
+    table = pq.read_table(next((out / "data").rglob("*.parquet")))
+    assert len(table) == shown.solved < len(shown.joints)
+    seen = np.array(table["observation.environment_state"].to_pylist())
+    np.testing.assert_allclose(seen[:, -3:], shown.velocity[: shown.solved], atol=1e-6)
+    assert state_dataset([shown], Settings(inputs="velocity", copies=0), tmp_path) == out
 
 
 @pytest.mark.slow
