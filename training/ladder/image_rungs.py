@@ -75,8 +75,10 @@ def image_policy(training: ImageTraining, dataset: Path, where: Path) -> Path:
 
 
 def lerobot_dataset(root: Path, cells: Sequence[Cell], where: Path) -> tuple[Path, int]:
-    """The dataset's accepted episodes of these cells until their success as a LeRobot dataset below `where`, exported if it is not
-    there, and how many there are. Its name carries a hash of their bytes."""
+    """The dataset's accepted episodes of these cells as a LeRobot dataset below `where`, and how many there are.
+
+    They end with the success. The dataset is exported if it is not there; its name carries a hash of their bytes.
+    """
     dataset = Dataset(root)
     found = [(dataset.episode(slot), record.sha256) for slot, record in dataset.records(dataset.recipe()) if slot.cell in cells]
     mine = sorted((path, sha) for path, sha in found if sha)
