@@ -149,7 +149,9 @@ def judging(place: Path, problems: list[str]) -> Iterator[None]:
 def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = None) -> Facts:
     """Everything but the images of an open episode, which is exported until `after_success` seconds after its success, if given.
 
-    Raises ExportError for an episode that breaks its own promises: frames off the fps grid, arrays of different lengths, values that are not finite, no instruction, cameras of different sizes."""
+    Raises ExportError for an episode that breaks its own promises: frames off the fps grid, arrays of different lengths, values
+    that are not finite, no instruction, cameras of different sizes.
+    """
     episode = file.read()
     log, path = episode.log, file.path
     seen, unseen = list(episode.instructions["seen"]), list(episode.instructions["unseen"])
