@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
-from pipeline.data.episode.file import open_episode
+from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
@@ -128,7 +128,10 @@ def read_demonstrations(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstra
             spec, meta = file.spec, file.meta
             cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
             if cell in cells:
-                bodies = {n: FAMILIES[o.family](**o.parameters) for n, o in meta.objects.items() if n not in meta.clutter}
+                try:
+                    bodies = {n: FAMILIES[o.family](**o.parameters) for n, o in meta.objects.items() if n not in meta.clutter}
+                except (KeyError, TypeError) as error:
+                    raise EpisodeError(f"{path}: its objects are of another version ({error}): build the dataset again") from error
                 yield Demonstration.of(cell, file.read().log, bodies, meta.target)
 
 

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import EpisodeError
 from pipeline.data.recipe.model import Recipe
 from pipeline.evaluate.evaluate import inline
 from pipeline.export.card import read_card
@@ -37,6 +38,12 @@ def test_a_datasets_episodes_are_those_made_without_images(built):
     for name in ARRAYS:
         np.testing.assert_allclose(getattr(found[0], name), getattr(made, name), atol=1e-5)
     assert list(read_demonstrations(built, [])) == []
+
+
+def test_objects_of_another_version_are_one_line(built, monkeypatch):
+    monkeypatch.setattr("training.ladder.demonstrations.FAMILIES", {})
+    with pytest.raises(EpisodeError, match=r"^[^\n]*: its objects are of another version \('bell'\): build the dataset again$"):
+        list(read_demonstrations(built, Dataset(built).recipe().cells()))
 
 
 def test_named_points_move_with_their_body(built):
