@@ -156,7 +156,7 @@ def test_health_other_paths_and_browsers():
     ("contract", "both"),
     [
         (Contract(action_names=("a", "b")), ("2 (a b)", "left_gripper")),
-        (Contract(image_sizes={"head_camera": (224, 224)}), ("224x224", "6x8")),
+        (Contract(image_sizes={"head_camera": (224, 224)}), ("224x224", "8x6")),
         (Contract(rate=50), ("50 Hz", "15 Hz")),
         (Contract(chunk=2000), ("2000", "1000")),
         (Contract(normalization="evaluator"), ("evaluator", "policy")),

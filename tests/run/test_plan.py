@@ -113,9 +113,9 @@ def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_pat
 @pytest.mark.parametrize(
     ("seconds", "episodes", "workers", "said"),
     [
-        (60, 10, 2, "about 5 min on 2 workers and 20 MB (from x)"),
-        (3600, 3, 1, "about 3.0 h on 1 worker and 6 MB (from x)"),
-        (1, 1000, 10, "about 2 min on 10 workers and 2.0 GB (from x)"),
+        (60, 10, 2, "about 5 min on 2 workers and 20 MB (estimated from x)"),
+        (3600, 3, 1, "about 3.0 h on 1 worker and 6 MB (estimated from x)"),
+        (1, 1000, 10, "about 2 min on 10 workers and 2.0 GB (estimated from x)"),
         (1, 0, 10, "nothing is left to make"),
     ],
 )
