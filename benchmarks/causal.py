@@ -1,7 +1,7 @@
 """The study of docs/science/preregistration.md: what networks learn from planned and reactive demonstrations, and from corrections.
 
 python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal explore DIR [--rows FILE]  the same for the units of the first addendum
+python -m benchmarks.causal explore DIR [--rows FILE]  the same for the exploratory units, of the first and the third addendum
 python -m benchmarks.causal widen DIR [--rows FILE]    the same for those of the second: more tasks, data and inputs
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
 python -m benchmarks.causal describe DIR FILE PAGE.md  what the demonstrations of the rows look like
@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.causal_tables import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED, Row, fill_in, read, report
+from benchmarks.causal_contrasts import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED
+from benchmarks.causal_tables import Row, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
@@ -39,8 +40,11 @@ EXECUTE, FPS = 4, 15
 EXPLORED = (
     *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
+    *((max(SIZES), "new scenes", seed) for seed in range(SEEDS)),
 )
-"""The units of the first addendum, on the first task, in their order."""
+"""The units of the first and the third addendum, on the first task, in their order."""
+OTHER_SEED = 1
+"""The seed of a recipe whose scenes no other recipe here has."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ def units() -> Iterator[Unit]:
 
 
 def explored() -> Iterator[Unit]:
-    """The networks of the first addendum."""
+    """The networks of the first and the third addendum."""
     for n, arm, seed in EXPLORED:
         yield Unit(TASKS[0], n, seed, arm)
 
@@ -104,14 +108,12 @@ class Study:
             return self.half_and_half(unit)
         if unit.arm == "static":
             return self.demonstrate(recipe.model_copy(update={"levels": (0,), "episodes": len(LEVELS) * unit.n}))
-        if unit.arm != "takeovers":
+        if unit.arm not in ("takeovers", "new scenes"):
             return self.demonstrate(recipe.model_copy(update={"expert": unit.arm}))
         planned = self.demonstrate(half)
         name = LadderForm().name(f"ladder:{self.network(planned, replace(unit, seed=0))}?execute={EXECUTE}")
-        return [
-            *planned,
-            *self.demonstrate(half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})),
-        ]
+        taken = half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})
+        return [*planned, *self.demonstrate(taken.model_copy(update={"seed": OTHER_SEED}) if unit.arm == "new scenes" else taken)]
 
     def half_and_half(self, unit: Unit) -> list[Demonstration]:
         """By level, planned demonstrations of the first half of the slots and reactive ones of the others."""
@@ -130,7 +132,8 @@ class Study:
 
     def demonstrate(self, recipe: Recipe) -> list[Demonstration]:
         """The demonstrations of a recipe."""
-        return list(make_demonstrations(recipe, self.demonstrations / recipe.label, inline))
+        folder = recipe.label + f"-seed{recipe.seed}" * (recipe.seed != 0)
+        return list(make_demonstrations(recipe, self.demonstrations / folder, inline))
 
     @property
     def demonstrations(self) -> Path:

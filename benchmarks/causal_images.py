@@ -19,7 +19,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.causal_tables import LEVELS, Contrast, Rates, Row, Side, contrasts, fill_in, holm, read
+from benchmarks.causal_contrasts import LEVELS, Contrast, Side
+from benchmarks.causal_tables import Rates, Row, fill_in, read, table
 from benchmarks.study.rows import markdown
 from pipeline.evaluate.difference import interval
 
@@ -142,12 +143,8 @@ def report(rows: Path, page: Path) -> None:
     """Write tables and figure of the page."""
     held = found(rows)
     tasks = [task for task in TASKS if any(row["task"] == task for row in held)]
-    columns = ("contrast", "networks an arm", "first", "second", "difference (points)", "p")
-    primary, secondary = (list(contrasts(held, [c for task in tasks for c in pairs(task)[k]])) for k in (0, 1))
-    corrected = holm([p for _, p in primary])
-    lines = [[*line, f"{p:.2g}"] for (line, _), p in zip(primary, corrected, strict=True)]
-    fill_in(page, "primary", markdown((*columns, "p (Holm)"), lines))
-    fill_in(page, "secondary", markdown(columns, [line for line, _ in secondary]))
+    primary, secondary = ([c for task in tasks for c in pairs(task)[k]] for k in (0, 1))
+    fill_in(page, "contrasts", table(held, primary, (("secondary", secondary),)))
     head = ("arm", "networks", *(f"level {level}: SR % (95 %)" for level in LEVELS), "each network alone")
     fill_in(page, "success", markdown(head, list(success(held, tasks))))
     draw(held, tasks, page.with_suffix(".png"))

@@ -3,7 +3,6 @@
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,65 +10,35 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from benchmarks.causal_contrasts import (
+    LEVELS,
+    SHOWN,
+    SIZES,
+    TASKS,
+    Contrast,
+    Side,
+    exploratory,
+    first_primary,
+    first_secondary,
+    primary,
+    secondary,
+    unregistered,
+)
 from benchmarks.study.rows import markdown
 from pipeline.evaluate.difference import RESAMPLES, interval, sign_flip
 
-TASKS, SIZES, MORE_SIZES, ARMS, SEEDS, LEVELS = (
-    ("click_bell", "grab_roller"),
-    (50, 150),
-    (25, 300),
-    ("planned", "reactive", "takeovers"),
-    3,
-    (1, 3),
+COLUMNS = (
+    "contrast",
+    "networks an arm",
+    "first, %",
+    "second, %",
+    "difference, points (95 %, scenes)",
+    "(95 %, networks too)",
+    "p",
+    "p (Holm)",
 )
-WIDENED = (
-    ("press_stapler", 150, ("planned", "reactive"), "velocity"),
-    ("beat_block_hammer", 150, ("planned", "reactive"), "velocity"),
-    ("click_bell", 150, ("half", "static"), "velocity"),
-    ("grab_roller", 150, ("planned", "reactive"), "velocity"),
-    ("click_bell", 150, ("planned", "reactive"), "position"),
-    ("click_bell", 150, ("planned", "reactive"), "two_frames"),
-    ("place_mouse_pad", 100, ("planned", "reactive"), "velocity"),
-    ("click_bell", 300, ("planned", "reactive"), "velocity"),
-)
-"""The units of the second addendum, in their order: task, N, arms, inputs."""
-SHOWN = (*ARMS, "foresighted", "half", "static")
 
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Side:
-    """An arm with `n` episodes a level, and what its networks see."""
-
-    arm: str
-    n: int
-    inputs: str = "velocity"
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """The difference between two sides on the scenes of a task and level."""
-
-    task: str
-    level: int
-    first: Side
-    second: Side
-
-    def __str__(self) -> str:
-        one, other = self._distinguish(self.first, self.second), self._distinguish(self.second, self.first)
-        same = [] if self.first.n != self.second.n else [f"N = {self.first.n}"]
-        if self.first.arm == self.second.arm:
-            same.append(self.first.arm)
-        if self.first.inputs == self.second.inputs != "velocity":
-            same.append(self.first.inputs)
-        return f"{', '.join([self.task, f'level {self.level}', *same])}: {one} - {other}"
-
-    def _distinguish(self, side: Side, other: Side) -> str:
-        """What distinguishes a side from the other."""
-        if side.arm == other.arm:
-            return f"N = {side.n}" if side.n != other.n else side.inputs
-        return side.arm if side.n == other.n else f"{side.arm} (N = {side.n})"
 
 
 def read(rows: Path) -> list[Row]:
@@ -89,10 +58,14 @@ class Rates:
 
     def of(self, *sides: Side) -> np.ndarray:
         """Mean success (k,S) of each side and scene over the networks that all have. Scenes that none solved come last."""
+        return self.each(*sides).mean(1)
+
+    def each(self, *sides: Side) -> np.ndarray:
+        """Success (k,N,S) of each side, network that all have, and scene. Scenes that none solved come last."""
         seeds, mine = self.seeds(*sides), [self._of(side) for side in sides]
         scenes, tried = sorted({scene for rows in mine for r in rows for scene in r["solved"]}), mine[0][0]["tried"]
-        rates = [np.mean([[scene in r["solved"] for scene in scenes] for r in rows if r["seed"] in seeds], axis=0) for rows in mine]
-        return np.pad(np.reshape(rates, (len(sides), -1)), ((0, 0), (0, tried - len(scenes))))
+        solved = [[[scene in r["solved"] for scene in scenes] for r in rows if r["seed"] in seeds] for rows in mine]
+        return np.pad(np.reshape(solved, (len(sides), len(seeds), -1)).astype(float), ((0, 0), (0, 0), (0, tried - len(scenes))))
 
     def sizes(self, arm: str) -> list[int]:
         """The N of an arm whose networks see the velocity."""
@@ -102,54 +75,41 @@ class Rates:
         return [r for r in self._rows if Side(r["arm"], r["n"], r["inputs"]) == side]
 
 
-def registered() -> Iterator[Contrast]:
-    """The contrasts of the pre-registration."""
-    for task, n, level in itertools.product(TASKS, SIZES, LEVELS):
-        for first, second in (("reactive", "planned"), ("takeovers", "planned"), ("reactive", "takeovers")):
-            yield Contrast(task, level, Side(first, n), Side(second, n))
-    for task, level in itertools.product(TASKS, LEVELS):
-        yield Contrast(task, level, Side("reactive", min(SIZES)), Side("planned", max(SIZES)))
-
-
-def exploratory() -> Iterator[Contrast]:
-    """The contrasts of the first addendum."""
-    for n, level in itertools.product(SIZES, LEVELS):
-        yield Contrast(TASKS[0], level, Side("foresighted", n), Side("planned", n))
-        yield Contrast(TASKS[0], level, Side("reactive", n), Side("foresighted", n))
-    for level in LEVELS:
-        yield Contrast(TASKS[0], level, Side("reactive", min(MORE_SIZES)), Side("planned", min(MORE_SIZES)))
-
-
-def primary() -> Iterator[Contrast]:
-    """The primary contrasts of the second addendum."""
-    for (task, n, _, _), level in itertools.product(WIDENED, LEVELS):
-        if task != TASKS[0]:
-            yield Contrast(task, level, Side("reactive", n), Side("planned", n))
-
-
-def secondary() -> Iterator[Contrast]:
-    """Its secondary contrasts, on the first task."""
-    n, most = max(SIZES), max(MORE_SIZES)
-    planned, reactive, half = Side("planned", n), Side("reactive", n), Side("half", n)
-    pairs = [(half, planned), (reactive, half), (Side("static", n), planned)]
-    for inputs in ("position", "two_frames"):
-        pairs += [(Side("reactive", n, inputs), Side("planned", n, inputs)), (reactive, Side("reactive", n, inputs))]
-    pairs += [(Side("reactive", most), Side("planned", most)), (Side("reactive", most), reactive), (Side("planned", most), planned)]
-    for (first, second), level in itertools.product(pairs, LEVELS):
-        yield Contrast(TASKS[0], level, first, second)
-
-
 def contrasts(rows: Sequence[Row], wanted: Iterable[Contrast]) -> Iterator[tuple[list[object], float]]:
     """Of each contrast with a seed in both arms, a line with the rates and the difference in points with its interval, and p."""
     for contrast in wanted:
         rates, sides = Rates(rows, contrast.task, contrast.level), (contrast.first, contrast.second)
         if not (seeds := rates.seeds(*sides)):
             continue
-        one, other = rates.of(*sides)
+        solved = rates.each(*sides)
+        one, other = solved.mean(1)
         low, high = interval({contrast.task: one - other})
         p = sign_flip([round(d) for d in (one - other) * len(seeds)])
-        effect = f"{100 * np.mean(one - other):+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
-        yield [contrast, len(seeds), f"{100 * one.mean():.0f} %", f"{100 * other.mean():.0f} %", effect, f"{p:.2g}"], p
+        effect = f"{round(100 * np.mean(one - other), 1) + 0.0:+.1f} ({100 * low:+.0f} to {100 * high:+.0f})"
+        wider = "{:+.0f} to {:+.0f}".format(*redraw_all(solved)) if len(seeds) > 1 else "one network"
+        yield [contrast, len(seeds), f"{100 * one.mean():.1f}", f"{100 * other.mean():.1f}", effect, wider, f"{p:.2g}"], p
+
+
+def redraw_all(solved: np.ndarray) -> np.ndarray:
+    """A 95 % interval (points) of the difference of two sides, from success (2,N,S): scenes are drawn again, and the networks
+    of each side too."""
+    random, drawn = np.random.default_rng(0), list[float]()
+    networks, scenes = solved.shape[1:]
+    for _ in range(RESAMPLES):
+        again = random.integers(scenes, size=scenes)
+        one, other = (side[random.integers(networks, size=networks)][:, again].mean() for side in solved)
+        drawn.append(100 * (one - other))
+    return np.quantile(drawn, [0.025, 0.975])
+
+
+def spread(rows: Sequence[Row]) -> list[object]:
+    """How far two networks that differ in their seed alone lie apart on the same scenes: pairs, median (points), largest."""
+    groups: dict[tuple[object, ...], list[float]] = {}
+    for r in rows:
+        same = tuple(r[key] for key in ("task", "level", "arm", "n", "inputs"))
+        groups.setdefault(same, []).append(100 * len(r["solved"]) / r["tried"])
+    apart = [abs(a - b) for group in groups.values() for a, b in itertools.combinations(group, 2)]
+    return [len(apart), f"{np.median(apart):.1f}", f"{max(apart):.1f}"]
 
 
 def holm(tests: Sequence[float]) -> list[float]:
@@ -178,16 +138,25 @@ def _share(rates: np.ndarray) -> np.ndarray:
     return (between - planned) / (reactive - planned)
 
 
+def table(rows: Sequence[Row], tested: Iterable[Contrast], others: Iterable[tuple[str, Iterable[Contrast]]]) -> str:
+    """The contrasts that have rows: a family of tests that Holm's method corrects together, and others by what they are called."""
+    family = list(contrasts(rows, tested))
+    lines = [[*line, f"{p:.2g}"] for (line, _), p in zip(family, holm([p for _, p in family]), strict=True)]
+    lines += [[*line, kind] for kind, wanted in others for line, _ in contrasts(rows, wanted)]
+    return markdown(COLUMNS, lines)
+
+
 def report(rows: Path, page: Path, plot: Path) -> None:
     """Write the tables into PAGE.md, between their marks, and the curves into PLOT.png."""
     found = read(rows)
-    columns = ("contrast", "networks an arm", "first", "second", "difference (points)", "p")
-    for mark, wanted in (("contrasts", registered()), ("exploratory", exploratory())):
-        fill_in(page, mark, markdown(columns, [line for line, _ in contrasts(found, wanted)]))
-    tested, others = list(contrasts(found, primary())), list(contrasts(found, secondary()))
-    corrected = [*(f"{p:.2g}" for p in holm([p for _, p in tested])), *("secondary" for _ in others)]
-    lines = [[*line, p] for (line, _), p in zip([*tested, *others], corrected, strict=True)]
-    fill_in(page, "widened", markdown((*columns, "p (Holm)"), lines))
+    families = {
+        "contrasts": (first_primary(), (("secondary", first_secondary()), ("not registered", unregistered()))),
+        "widened": (primary(), (("secondary", secondary()),)),
+        "exploratory": ((), (("exploratory", exploratory()),)),
+    }
+    for mark, (tested, others) in families.items():
+        fill_in(page, mark, table(found, tested, others))
+    fill_in(page, "spread", markdown(("pairs of networks", "median (points)", "largest"), [spread(found)]))
     fill_in(page, "shares", markdown(("scenes", "networks an arm", "share of the difference (95 %)"), list(shares(found))))
     draw(found, plot)
 

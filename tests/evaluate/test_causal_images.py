@@ -1,9 +1,10 @@
 """The study of what a policy from images learns: the order of its units, and its contrasts of constructed rows."""
 
+import numpy as np
 import pytest
 
 from benchmarks.causal_images import Unit, pairs, units
-from benchmarks.causal_tables import contrasts
+from benchmarks.causal_tables import contrasts, redraw_all, spread
 
 
 def test_primary_arms_come_first_and_each_unit_once():
@@ -25,9 +26,36 @@ def test_contrasts_are_of_the_seeds_that_both_arms_have():
     [(line, p)] = contrasts(rows, pairs("click_bell")[0])
     assert str(line[0]) == "click_bell, level 1, N = 100, history: reactive - planned"
     # two scenes won and none lost: half of all sign patterns are as far from 0
-    assert line[1:4] == [1, "75 %", "25 %"]
-    assert str(line[4]).startswith("+50 ")
+    assert line[1:4] == [1, "75.0", "25.0"]
+    assert str(line[4]).startswith("+50.0 ")
+    assert line[5] == "one network"
     assert p == pytest.approx(0.5)
+
+
+def test_networks_drawn_again_widen_the_interval_by_their_own_spread():
+    """Four networks that solve all scenes or none, beside four that solve half of all: scenes alone cannot vary, networks can.
+    The mean of four fair coins is 0 or 1 in one of sixteen draws each, so the quantiles 0.025 and 0.975 are those."""
+    solved = np.stack([np.repeat([[1.0], [1.0], [0.0], [0.0]], 6, axis=1), np.full((4, 6), 0.5)])
+    assert redraw_all(solved) == pytest.approx([-50, 50])
+    assert redraw_all(solved[::-1] * 0 + 0.5) == pytest.approx([0, 0])
+
+
+def test_spread_pairs_networks_that_differ_in_their_seed_alone():
+    def row(arm: str, seed: int, count: int) -> dict:
+        return {
+            "task": "click_bell",
+            "level": 1,
+            "arm": arm,
+            "n": 150,
+            "inputs": "velocity",
+            "seed": seed,
+            "tried": 10,
+            "solved": list(range(count)),
+        }
+
+    # 3 pairs within an arm of three networks, 1 in the other: 10, 20, 30 and 80 points apart
+    rows = [row("planned", 0, 1), row("planned", 1, 2), row("planned", 2, 4), row("reactive", 0, 1), row("reactive", 1, 9)]
+    assert spread(rows) == [4, "25.0", "80.0"]
 
 
 def test_the_second_task_has_no_primary_contrast():
