@@ -57,6 +57,10 @@ class Sight:
         names = target_first((name for name in scene.bodies if name not in scene.clutter), scene.task.target)
         self._trial, self._bodies = trial, {name: scene.bodies[name].instance for name in names}
 
+    def lacks_past(self) -> bool:
+        """Whether too few frames have passed to see how bodies move."""
+        return self._inputs == "two_frames" and len(self._trial.log()) <= self._back
+
     def look(self) -> tuple[Floats, Floats]:
         """Features (1,F) and measured joints (1,A) of its last frame."""
         log = self._trial.log()

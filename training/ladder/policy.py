@@ -33,8 +33,13 @@ class StatePolicy:
         self._sight.see(trial)
 
     def act(self, observation: Observation) -> ArrayLike:
-        """The next actions (execute,A)."""
+        """The next actions (execute,A); where it is (1,A), as long as motion cannot be seen.
+
+        Its first chunk chooses the arm, for which the velocity of the target decides.
+        """
         x, joints = self._sight.look()
+        if self._sight.lacks_past():
+            return joints
         return self._network(x)[0, : self._execute] + reference(joints, self._grippers)
 
 

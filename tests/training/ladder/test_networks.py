@@ -1,6 +1,8 @@
 """The sanity ladder: what networks see, what they learn, what is kept of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from pipeline.evaluate.policy import PolicyError
 from training.ladder.demonstrations import Demonstration
 from training.ladder.features import State, chunks, earlier, features, target_first
 from training.ladder.network import Network, Settings
+from training.ladder.policy import StatePolicy
 from training.ladder.samples import samples, weights
 from training.ladder.training import train
 
@@ -48,6 +51,31 @@ def test_what_is_learnt_are_the_next_actions_as_differences():
 
 def test_the_target_comes_first():
     assert target_first(("pot", "bin", "can"), "can") == ["can", "bin", "pot"]
+
+
+class Log(SimpleNamespace):
+    """The frames of a trial so far."""
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+
+@pytest.mark.parametrize("inputs, frames, holds", [("two_frames", 2, True), ("two_frames", 3, False), ("position", 1, False)])
+def test_a_policy_holds_still_until_it_can_see_motion(inputs, frames, holds):
+    """It looks back by two frames: after the third one it acts on how the body moved since the first."""
+    seen = state(frames, bodies=1, points=1)
+    family: Any = SimpleNamespace(frames=lambda: SimpleNamespace(points={"top": np.zeros(7)}))
+    log: Any = Log(state=seen.joints, tcp=seen.tools, target_velocity=seen.velocity, pose=lambda name: seen.poses[:, 0])
+    shown = features(seen, seen, inputs)
+    network = train(np.repeat(shown, 40, 0), RNG.normal(size=(40 * frames, 4, 14)), Settings(inputs, 4, back=2, steps=2, width=8))
+    policy, nothing, begun = StatePolicy(network, 3), cast(Any, None), cast(Any, SimpleNamespace(action_names=["joint"] * 14))
+    policy.reset(begun)
+    scene: Any = SimpleNamespace(bodies={"bell": SimpleNamespace(instance=family)}, clutter=(), task=SimpleNamespace(target="bell"))
+    trial: Any = SimpleNamespace(scene=scene, log=lambda: log)
+    policy.see(trial, nothing)
+    answer = policy.act(nothing)
+    assert (np.shape(answer) == (1, 14) and (answer == seen.joints[-1]).all()) == holds
+    assert holds or np.shape(answer) == (3, 14)
 
 
 def test_a_network_takes_one_of_two_ways_not_what_lies_between():
