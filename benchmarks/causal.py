@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.causal_contrasts import ARMS, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED
+from benchmarks.causal_contrasts import ARMS, HOLDING, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED
 from benchmarks.causal_tables import Row, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
@@ -42,7 +42,7 @@ EXPLORED = (
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
     *((max(SIZES), "new scenes", seed) for seed in range(SEEDS)),
 )
-"""The units of the first and the third addendum, on the first task, in their order."""
+"""The networks of the first and the third addendum that see the velocity, on the first task, in their order."""
 OTHER_SEED = 1
 """The seed of a recipe whose scenes no other recipe here has."""
 
@@ -68,6 +68,8 @@ def explored() -> Iterator[Unit]:
     """The networks of the first and the third addendum."""
     for n, arm, seed in EXPLORED:
         yield Unit(TASKS[0], n, seed, arm)
+    for seed, arm in itertools.product(range(SEEDS), ARMS[:2]):
+        yield Unit(TASKS[0], max(SIZES), seed, arm, HOLDING)
 
 
 def widened() -> Iterator[Unit]:
@@ -75,6 +77,11 @@ def widened() -> Iterator[Unit]:
     for seeds, (task, n, arms, inputs) in itertools.product(((0, 1), (2,)), WIDENED):
         for seed, arm in itertools.product(seeds, arms):
             yield Unit(task, n, seed, arm, inputs)
+
+
+def _kind(inputs: str) -> str:
+    """The rung of the ladder: networks that hold still first, as they do now, are those that once did not."""
+    return "two_frames" if inputs == HOLDING else inputs
 
 
 class Study:
@@ -87,7 +94,7 @@ class Study:
         """A network on the scenes of each level."""
         path = self.network(self.shown(unit), unit)
         recipe = self.recipe(unit.task, SCENES)
-        ladder = Ladder(recipe, (unit.inputs,), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
+        ladder = Ladder(recipe, (_kind(unit.inputs),), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
         wanted = evaluation(ladder, unit.task, LadderForm().name(f"ladder:{path}?execute={EXECUTE}"), blind(recipe))
         outcome = evaluate(wanted, self.root / "evaluations", inline)
         manifest = {cell["level"]: cell for cell in outcome.cells}
@@ -97,7 +104,9 @@ class Study:
 
     def network(self, shown: Sequence[Demonstration], unit: Unit) -> Path:
         """The file of a trained network."""
-        return train_missing(shown, replace(SETTINGS, seed=unit.seed, inputs=unit.inputs), self.root / "networks" / unit.task)
+        return train_missing(
+            shown, replace(SETTINGS, seed=unit.seed, inputs=_kind(unit.inputs)), self.root / "networks" / unit.task
+        )
 
     def shown(self, unit: Unit) -> list[Demonstration]:
         """What the network of a unit learns from."""

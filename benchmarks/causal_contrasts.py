@@ -23,6 +23,8 @@ WIDENED = (
     ("click_bell", 300, ("planned", "reactive"), "velocity"),
 )
 """The units of the second addendum, in their order: task, N, arms, inputs."""
+HOLDING = "two_frames, holding"
+"""What a network sees that holds still until it has seen two frames."""
 SHOWN = (*ARMS, "foresighted", "half", "static", "new scenes")
 
 
@@ -90,6 +92,10 @@ def exploratory() -> Iterator[Contrast]:
         yield Contrast(TASKS[0], level, Side("reactive", n), Side("foresighted", n))
     for level in LEVELS:
         yield Contrast(TASKS[0], level, Side("reactive", min(MORE_SIZES)), Side("planned", min(MORE_SIZES)))
+    n, holding = max(SIZES), Side("reactive", max(SIZES), HOLDING)
+    pairs = ((holding, Side("planned", n, HOLDING)), (holding, Side("reactive", n, "two_frames")), (Side("reactive", n), holding))
+    for (first, second), level in itertools.product(pairs, LEVELS):
+        yield Contrast(TASKS[0], level, first, second)
     new = Side("new scenes", max(SIZES))
     for other, level in itertools.product(("takeovers", "planned"), LEVELS):
         yield Contrast(TASKS[0], level, new, Side(other, max(SIZES)))

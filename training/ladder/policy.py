@@ -11,9 +11,13 @@ from pipeline.evaluate.case import Case
 from pipeline.evaluate.policies import FORMS
 from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start
 from pipeline.evaluate.trial import Trial
+from training.ladder import features
 from training.ladder.features import Sight, reference
 from training.ladder.lerobot_states import LerobotStates, settings_of
 from training.ladder.network import Network
+
+CODE = (Path(__file__), Path(features.__file__))
+"""How a network acts: a change of it is another policy."""
 
 
 class StatePolicy:
@@ -52,7 +56,7 @@ class LadderForm:
         options = given.take("execute")
         path = Path(given.path)
         files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-        label = f"ladder:{path.stem}@{digest_of(files)}{given.text}"
+        label = f"ladder:{path.stem}@{digest_of([*files, *CODE])}{given.text}"
         return PolicyName(f"{given.kind}:{path.resolve()}" + (f"?execute={options['execute']}" if options else ""), label)
 
     def make(self, text: str) -> Policy:
