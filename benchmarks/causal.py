@@ -73,10 +73,11 @@ def explored() -> Iterator[Unit]:
 
 
 def widened() -> Iterator[Unit]:
-    """The networks of the second addendum."""
+    """The networks of the second addendum, except the third one that sees two frames: networks of today hold still first."""
     for seeds, (task, n, arms, inputs) in itertools.product(((0, 1), (2,)), WIDENED):
         for seed, arm in itertools.product(seeds, arms):
-            yield Unit(task, n, seed, arm, inputs)
+            if (inputs, seed) != ("two_frames", 2):
+                yield Unit(task, n, seed, arm, inputs)
 
 
 def _kind(inputs: str) -> str:
