@@ -1,7 +1,7 @@
 """The study of docs/science/preregistration.md: what networks learn from planned and reactive demonstrations, and from corrections.
 
 python -m benchmarks.causal run DIR [--rows FILE]      makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal explore DIR [--rows FILE]  the same for the exploratory units, of the first and the third addendum
+python -m benchmarks.causal explore DIR [--rows FILE]  the same for the exploratory units, of the first, third and fourth addendum
 python -m benchmarks.causal widen DIR [--rows FILE]    the same for those of the second: more tasks, data and inputs
 python -m benchmarks.causal report FILE PAGE.md PLOT.png
 python -m benchmarks.causal describe DIR FILE PAGE.md  what the demonstrations of the rows look like
@@ -12,19 +12,18 @@ by seed. Rows without "inputs" are of networks that see the target's velocity.
 
 import argparse
 import itertools
-import json
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.causal_contrasts import ARMS, HOLDING, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED
-from benchmarks.causal_tables import Row, fill_in, read, report
+from benchmarks.causal_contrasts import ARMS, HOLDING, LARGEST, LEVELS, MORE_SIZES, SEEDS, SIZES, TASKS, WIDENED
+from benchmarks.causal_tables import Row, add_missing, fill_in, read, report
 from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.rules import Corrections
+from pipeline.data.rules import Contact, Corrections
 from pipeline.evaluate.case import blind
 from pipeline.evaluate.evaluate import evaluate, inline
 from pipeline.run.evaluation import evaluation_version
@@ -34,17 +33,17 @@ from training.ladder.demonstrations import Demonstration, make_demonstrations
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
 
-SCENES = 40
 SETTINGS = Settings(inputs="velocity", chunk=8, steps=4000)
 EXECUTE, FPS = 4, 15
 EXPLORED = (
     *((n, "foresighted", seed) for n in (150, 50) for seed in range(SEEDS)),
     *((n, arm, seed) for n in MORE_SIZES for seed in range(SEEDS) for arm in ("planned", "reactive")),
     *((max(SIZES), "new scenes", seed) for seed in range(SEEDS)),
+    *((LARGEST, arm, seed) for seed in range(SEEDS) for arm in ("planned", "reactive")),
 )
-"""The networks of the first and the third addendum that see the velocity, on the first task, in their order."""
+"""The networks of the first, third and fourth addendum that see the velocity, on the first task, in their order."""
 OTHER_SEED = 1
-"""The seed of a recipe whose scenes no other recipe here has."""
+"""What is added to the seed of a recipe for scenes that no other recipe here has."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def units() -> Iterator[Unit]:
 
 
 def explored() -> Iterator[Unit]:
-    """The networks of the first and the third addendum."""
+    """The networks of the first and third addendum, and the larger ones of the fourth."""
     for n, arm, seed in EXPLORED:
         yield Unit(TASKS[0], n, seed, arm)
     for seed, arm in itertools.product(range(SEEDS), ARMS[:2]):
@@ -85,21 +84,32 @@ def _kind(inputs: str) -> str:
     return "two_frames" if inputs == HOLDING else inputs
 
 
+@dataclass(frozen=True)
+class Scenes:
+    """What networks are tried on: admitted scenes a level, their seed, and what the first touch does to the target."""
+
+    levels: tuple[int, ...] = LEVELS
+    count: int = 40
+    seed: int = 0
+    contact: Contact = "stop"
+
+
 class Study:
-    """What is made below DIR; everything is made once."""
+    """What is made below DIR; everything is made once. `seed` is that of its demonstrations."""
 
-    def __init__(self, root: Path) -> None:
-        self.root, self.code, self.physics = root, evaluation_version(), code_version()
+    def __init__(self, root: Path, seed: int = 0) -> None:
+        self.root, self.seed, self.code, self.physics = root, seed, evaluation_version(), code_version()
 
-    def rows(self, unit: Unit) -> Iterator[Row]:
+    def rows(self, unit: Unit, scenes: Scenes = Scenes()) -> Iterator[Row]:
         """A network on the scenes of each level."""
         path = self.network(self.shown(unit), unit)
-        recipe = self.recipe(unit.task, SCENES)
-        ladder = Ladder(recipe, (_kind(unit.inputs),), ((SETTINGS.chunk, EXECUTE),), SEEDS, SCENES, code=self.code)
-        wanted = evaluation(ladder, unit.task, LadderForm().name(f"ladder:{path}?execute={EXECUTE}"), blind(recipe))
-        outcome = evaluate(wanted, self.root / "evaluations", inline)
+        recipe = self.recipe(unit.task, scenes.count).model_copy(update={"levels": scenes.levels})
+        ladder = Ladder(recipe, (_kind(unit.inputs),), ((SETTINGS.chunk, EXECUTE),), SEEDS, scenes.count, code=self.code)
+        setup = blind(recipe).override({"contact": scenes.contact} if scenes.contact != "stop" else {})
+        wanted = evaluation(ladder, unit.task, LadderForm().name(f"ladder:{path}?execute={EXECUTE}"), setup)
+        outcome = evaluate(replace(wanted, seed=scenes.seed), self.root / "evaluations" / scenes.contact, inline)
         manifest = {cell["level"]: cell for cell in outcome.cells}
-        for level in LEVELS:
+        for level in scenes.levels:
             cell = manifest[level]
             yield {**vars(unit), "level": level, "tried": cell["episodes"], "solved": sorted(cell["solved_seeds"])}
 
@@ -123,7 +133,9 @@ class Study:
         planned = self.demonstrate(half)
         name = LadderForm().name(f"ladder:{self.network(planned, replace(unit, seed=0))}?execute={EXECUTE}")
         taken = half.model_copy(update={"corrections": Corrections(policy=name.text, label=name.label)})
-        return [*planned, *self.demonstrate(taken.model_copy(update={"seed": OTHER_SEED}) if unit.arm == "new scenes" else taken)]
+        if unit.arm == "new scenes":
+            taken = taken.model_copy(update={"seed": self.seed + OTHER_SEED})
+        return [*planned, *self.demonstrate(taken)]
 
     def half_and_half(self, unit: Unit) -> list[Demonstration]:
         """By level, planned demonstrations of the first half of the slots and reactive ones of the others."""
@@ -152,20 +164,7 @@ class Study:
 
     def recipe(self, task: str, n: int) -> Recipe:
         """Planned demonstrations."""
-        return Recipe(tasks=(task,), levels=LEVELS, episodes=n)
-
-
-def run(root: Path, rows: Path, wanted: Iterable[Unit]) -> None:
-    """Do the units that are missing in `rows`."""
-    root.mkdir(parents=True, exist_ok=True)
-    found = read(rows) if rows.exists() else []
-    done, study = {tuple(row[field.name] for field in fields(Unit)) for row in found}, Study(root)
-    for unit in wanted:
-        if tuple(vars(unit).values()) not in done:
-            new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
-            with rows.open("a") as file:
-                file.write(new)
-            print(unit, flush=True)
+        return Recipe(tasks=(task,), levels=LEVELS, episodes=n, seed=self.seed)
 
 
 def describe(root: Path, page: Path, rows: Path) -> None:
@@ -215,7 +214,8 @@ def main() -> None:
     elif given.verb == "describe":
         describe(given.root, given.page, given.rows)
     else:
-        run(given.root, given.rows, wanted[given.verb]())
+        given.root.mkdir(parents=True, exist_ok=True)
+        add_missing(given.rows, wanted[given.verb](), Study(given.root).rows)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ TASKS, SIZES, MORE_SIZES, ARMS, SEEDS, LEVELS = (
     3,
     (1, 3),
 )
+LARGEST = 600
+"""The N of the fourth addendum."""
 WIDENED = (
     ("press_stapler", 150, ("planned", "reactive"), "velocity"),
     ("beat_block_hammer", 150, ("planned", "reactive"), "velocity"),
@@ -86,7 +88,7 @@ def unregistered() -> Iterator[Contrast]:
 
 
 def exploratory() -> Iterator[Contrast]:
-    """The contrasts of the first and the third addendum."""
+    """The contrasts of the first, third and fourth addendum."""
     for n, level in itertools.product(SIZES, LEVELS):
         yield Contrast(TASKS[0], level, Side("foresighted", n), Side("planned", n))
         yield Contrast(TASKS[0], level, Side("reactive", n), Side("foresighted", n))
@@ -94,6 +96,10 @@ def exploratory() -> Iterator[Contrast]:
         yield Contrast(TASKS[0], level, Side("reactive", min(MORE_SIZES)), Side("planned", min(MORE_SIZES)))
     n, holding = max(SIZES), Side("reactive", max(SIZES), HOLDING)
     pairs = ((holding, Side("planned", n, HOLDING)), (holding, Side("reactive", n, "two_frames")), (Side("reactive", n), holding))
+    for (first, second), level in itertools.product(pairs, LEVELS):
+        yield Contrast(TASKS[0], level, first, second)
+    most = Side("reactive", LARGEST)
+    pairs = ((most, Side("planned", LARGEST)), *((Side(arm, LARGEST), Side(arm, n)) for arm in ("reactive", "planned")))
     for (first, second), level in itertools.product(pairs, LEVELS):
         yield Contrast(TASKS[0], level, first, second)
     new = Side("new scenes", max(SIZES))

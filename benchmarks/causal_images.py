@@ -20,9 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
-from benchmarks.causal_tables import Rates, Row, fill_in, read, table
+from benchmarks.causal_tables import Rates, Row, add_missing, fill_in, percent, read, table
 from benchmarks.study.rows import markdown
-from pipeline.evaluate.difference import interval
 
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (HERE / "docs" / "science" / f"causal_images{suffix}" for suffix in ("_rows.jsonl", ".md"))
@@ -108,23 +107,6 @@ def call(module: str, words: Sequence[str], fine: Sequence[int] = (0,)) -> str:
     return done.stdout
 
 
-def run(root: Path, rows: Path) -> None:
-    """Do the units that are missing in `rows`."""
-    done = {tuple(row[key] for key in ("task", "arm", "inputs", "seed")) for row in found(rows)}
-    study = Study(root)
-    for unit in units():
-        if (unit.task, unit.arm, unit.inputs, unit.seed) not in done:
-            new = "".join(json.dumps(row) + "\n" for row in study.rows(unit))
-            with rows.open("a") as file:
-                file.write(new)
-            print(unit, flush=True)
-
-
-def found(rows: Path) -> list[Row]:
-    """The rows that are there."""
-    return read(rows) if rows.exists() else []
-
-
 def pairs(task: str) -> tuple[list[Contrast], list[Contrast]]:
     """The primary contrasts of a task, and the secondary ones: all are secondary on the second task."""
 
@@ -141,7 +123,7 @@ def pairs(task: str) -> tuple[list[Contrast], list[Contrast]]:
 
 def report(rows: Path, page: Path) -> None:
     """Write tables and figure of the page."""
-    held = found(rows)
+    held = read(rows)
     tasks = [task for task in TASKS if any(row["task"] == task for row in held)]
     primary, secondary = ([c for task in tasks for c in pairs(task)[k]] for k in (0, 1))
     fill_in(page, "contrasts", table(held, primary, (("secondary", secondary),)))
@@ -154,20 +136,10 @@ def success(rows: Sequence[Row], tasks: Sequence[str]) -> Iterator[list[object]]
     """A line for each arm that has networks: their number, the success of all at each level, and that of each of them."""
     for task, inputs, arm in itertools.product(tasks, INPUTS, ARMS):
         side, rates = Side(arm, N, inputs), [Rates(rows, task, level) for level in LEVELS]
-        if not (seeds := rates[0].seeds(side)):
-            continue
-        cells = [f"{mean:.0f} ({low:.0f}-{high:.0f})" for mean, low, high in (percent(r, side) for r in rates)]
-        mine = [row for row in rows if (row["task"], row["arm"], row["inputs"]) == (task, arm, inputs)]
-        share = {(row["seed"], row["level"]): f"{100 * len(row['solved']) / row['tried']:.0f}" for row in mine}
-        alone = ("/".join(share[seed, level] for level in LEVELS) for seed in seeds)
-        yield [f"{task}: {arm}, {inputs}", len(seeds), *cells, ", ".join(alone)]
-
-
-def percent(rates: Rates, side: Side) -> tuple[float, float, float]:
-    """The success of an arm and its 95 % interval over scenes, per cent."""
-    [scenes] = rates.of(side)
-    low, high = interval({"": scenes})
-    return 100 * float(scenes.mean()), max(0.0, 100 * low), min(100.0, 100 * high)
+        if seeds := rates[0].seeds(side):
+            cells = ("{:.0f} ({:.0f}-{:.0f})".format(*percent(r, side)) for r in rates)
+            alone = zip(*(100 * r.each(side)[0].mean(1) for r in rates), strict=True)
+            yield [f"{task}: {arm}, {inputs}", len(seeds), *cells, ", ".join(f"{one:.0f}/{other:.0f}" for one, other in alone)]
 
 
 def draw(rows: Sequence[Row], tasks: Sequence[str], plot: Path) -> None:
@@ -202,7 +174,7 @@ def main() -> None:
         doing.add_argument("--rows", type=Path, default=ROWS)
     given = parser.parse_args()
     if given.verb == "run":
-        run(given.root, given.rows)
+        add_missing(given.rows, units(), Study(given.root).rows)
     else:
         report(given.rows, PAGE)
 

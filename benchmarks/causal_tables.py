@@ -2,9 +2,10 @@
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -38,12 +39,26 @@ COLUMNS = (
     "p (Holm)",
 )
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 Row = dict[str, Any]
 
 
 def read(rows: Path) -> list[Row]:
-    """The rows of a file; the first ones do not name their inputs."""
-    return [{"inputs": "velocity"} | json.loads(line) for line in rows.read_text().splitlines()]
+    """The rows of a file, if it is there; the first ones do not name their inputs."""
+    return [{"inputs": "velocity"} | json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
+
+
+def add_missing[Unit: DataclassInstance](rows: Path, wanted: Iterable[Unit], make: Callable[[Unit], Iterable[Row]]) -> None:
+    """Append the rows of each unit that has none in the file: a row has the fields of its unit."""
+    found = read(rows)
+    for unit in wanted:
+        if not any(asdict(unit).items() <= row.items() for row in found):
+            new = "".join(json.dumps(row) + "\n" for row in make(unit))
+            with rows.open("a") as file:
+                file.write(new)
+            print(unit, flush=True)
 
 
 class Rates:
@@ -73,6 +88,13 @@ class Rates:
 
     def _of(self, side: Side) -> list[Row]:
         return [r for r in self._rows if Side(r["arm"], r["n"], r["inputs"]) == side]
+
+
+def percent(rates: Rates, side: Side) -> tuple[float, float, float]:
+    """The success of an arm and its 95 % interval over scenes, per cent."""
+    [scenes] = rates.of(side)
+    low, high = interval({"": scenes})
+    return 100 * float(scenes.mean()), max(0.0, 100 * low), min(100.0, 100 * high)
 
 
 def contrasts(rows: Sequence[Row], wanted: Iterable[Contrast]) -> Iterator[tuple[list[object], float]]:
