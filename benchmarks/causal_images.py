@@ -7,7 +7,6 @@ DIR/data/TASK/ARM holds the demonstrations; where an export is there already, it
 the scenes of one level: {"task", "n", "seed", "arm", "inputs", "level", "tried", "solved"}, scenes by seed.
 """
 
-import argparse
 import itertools
 import json
 import subprocess
@@ -20,7 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
-from benchmarks.causal_tables import Rates, Row, add_missing, fill_in, percent, read, table
+from benchmarks.causal_tables import Rates, Row, add_missing, command_line, fill_in, percent, read, table
 from benchmarks.study.rows import markdown
 
 HERE = Path(__file__).parents[1]
@@ -163,21 +162,10 @@ def draw(rows: Sequence[Row], tasks: Sequence[str], plot: Path) -> None:
     plt.close(figure)
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    verbs = parser.add_subparsers(dest="verb", required=True)
-    for verb in ("run", "report"):
-        doing = verbs.add_parser(verb)
-        if verb == "run":
-            doing.add_argument("root", type=Path)
-        doing.add_argument("--rows", type=Path, default=ROWS)
-    given = parser.parse_args()
-    if given.verb == "run":
-        add_missing(given.rows, units(), Study(given.root).rows)
-    else:
-        report(given.rows, PAGE)
+def run(root: Path, rows: Path) -> None:
+    """Make the rows that are missing."""
+    add_missing(rows, units(), Study(root).rows)
 
 
 if __name__ == "__main__":
-    main()
+    command_line(__doc__, ROWS, run, lambda rows: report(rows, PAGE))

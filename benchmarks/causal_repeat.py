@@ -1,20 +1,22 @@
 """The repetition of the study of states with new demonstrations, networks and scenes: fourth addendum of preregistration.md.
 
 python -m benchmarks.causal_repeat run DIR [--rows FILE]   makes what is missing, one unit after another; the same command resumes
-python -m benchmarks.causal_repeat report [--rows FILE]    tables of docs/science/causal_repeat.md
+python -m benchmarks.causal_repeat report [--rows FILE]    tables of docs/science/causal_repeat.md, and its figure
 
 A row of FILE is one network on the scenes of one level, as in benchmarks/causal.py, and `contact`, what the first touch does.
 """
 
-import argparse
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+
 from benchmarks.causal import Scenes, Study, Unit
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
-from benchmarks.causal_tables import Rates, Row, add_missing, fill_in, percent, read, table
+from benchmarks.causal_tables import Rates, Row, add_missing, command_line, fill_in, percent, read, table
 from benchmarks.study.rows import markdown
+from pipeline.evaluate.difference import interval
 
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (HERE / "docs" / "science" / f"causal_repeat{suffix}" for suffix in ("_rows.jsonl", ".md"))
@@ -59,13 +61,14 @@ def others() -> Iterator[Contrast]:
 
 
 def report(rows: Path, page: Path) -> None:
-    """Write the tables of the page."""
+    """Write tables and figure of the page."""
     stop, hold = ([row for row in read(rows) if row["contact"] == scenes.contact] for scenes in (STOP, HOLD))
     fill_in(page, "primary", table(stop, pairs(LEVELS, TASKS), ()))
     fill_in(page, "secondary", table(stop, (), (("secondary", itertools.chain(pairs((0,), TASKS), others())),)))
     fill_in(page, "hold", table(hold, (), (("secondary", pairs(LEVELS, PRESSES)),)))
     head = ("task", "arm", "networks", *(f"level {level}: SR % (95 %)" for level in STOP.levels), "level 1 / 3, each network")
     fill_in(page, "success", markdown(head, list(success(stop))))
+    draw(stop, page.with_suffix(".png"))
 
 
 def success(rows: Sequence[Row]) -> Iterator[list[object]]:
@@ -78,23 +81,34 @@ def success(rows: Sequence[Row]) -> Iterator[list[object]]:
             yield [task, arm, len(seeds), *cells, ", ".join(f"{one:.0f}/{other:.0f}" for one, other in alone)]
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    verbs = parser.add_subparsers(dest="verb", required=True)
-    for verb in ("run", "report"):
-        doing = verbs.add_parser(verb)
-        if verb == "run":
-            doing.add_argument("root", type=Path)
-        doing.add_argument("--rows", type=Path, default=ROWS)
-    given = parser.parse_args()
-    if given.verb == "run":
-        given.root.mkdir(parents=True, exist_ok=True)
-        study = Study(given.root, SEED)
-        add_missing(given.rows, units(), lambda unit: tried(study, unit))
-    else:
-        report(given.rows, PAGE)
+def draw(rows: Sequence[Row], plot: Path) -> None:
+    """The primary contrasts that have rows, with their intervals over scenes."""
+    figure, ax = plt.subplots(figsize=(7, 3.2), layout="constrained")
+    found = {contrast.task for contrast in pairs(LEVELS, TASKS) if Rates(rows, contrast.task, contrast.level).seeds(contrast.first)}
+    tasks = [task for task in TASKS if task in found]
+    for (number, level), (place, task) in itertools.product(enumerate(LEVELS), enumerate(tasks)):
+        one, other = Rates(rows, task, level).of(Side("reactive", N), Side("planned", N))
+        mean, (low, high) = (one - other).mean(), interval({task: one - other})
+        where = place + 0.2 * number - 0.1
+        bars = [[100 * (mean - low)], [100 * (high - mean)]]
+        ax.errorbar(
+            [100 * mean], [where], xerr=bars, fmt="o", color=f"C{number}", capsize=2, label="" if place else f"level {level}"
+        )
+    ax.axvline(0, color="grey", linewidth=0.8)
+    ax.set_yticks(range(len(tasks)), tasks)
+    ax.invert_yaxis()
+    ax.set_xlabel("reactive - planned: success, points (95 %)")
+    ax.legend(frameon=False)
+    figure.savefig(plot, dpi=120)
+    plt.close(figure)
+
+
+def run(root: Path, rows: Path) -> None:
+    """Make the rows that are missing."""
+    root.mkdir(parents=True, exist_ok=True)
+    study = Study(root, SEED)
+    add_missing(rows, units(), lambda unit: tried(study, unit))
 
 
 if __name__ == "__main__":
-    main()
+    command_line(__doc__, ROWS, run, lambda rows: report(rows, PAGE))

@@ -1,5 +1,6 @@
 """Tables and curves of docs/science/causal.md from the rows of benchmarks/causal.py."""
 
+import argparse
 import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -59,6 +60,22 @@ def add_missing[Unit: DataclassInstance](rows: Path, wanted: Iterable[Unit], mak
             with rows.open("a") as file:
                 file.write(new)
             print(unit, flush=True)
+
+
+def command_line(doc: str | None, default: Path, run: Callable[[Path, Path], None], report: Callable[[Path], None]) -> None:
+    """A command with the verbs `run DIR` and `report`, both with `--rows FILE`."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    for verb in ("run", "report"):
+        doing = verbs.add_parser(verb)
+        if verb == "run":
+            doing.add_argument("root", type=Path)
+        doing.add_argument("--rows", type=Path, default=default)
+    given = parser.parse_args()
+    if given.verb == "run":
+        run(given.root, given.rows)
+    else:
+        report(given.rows)
 
 
 class Rates:

@@ -1,10 +1,13 @@
 """The study of what a policy from images learns: the order of its units, and its contrasts of constructed rows."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
+from benchmarks import causal_repeat
 from benchmarks.causal_images import Unit, pairs, units
-from benchmarks.causal_tables import contrasts, redraw_all, spread
+from benchmarks.causal_tables import add_missing, contrasts, read, redraw_all, spread
 
 
 def test_primary_arms_come_first_and_each_unit_once():
@@ -15,6 +18,26 @@ def test_primary_arms_come_first_and_each_unit_once():
     ]
     assert [unit.seed for unit in order[:18]] == [1] * 3 + [2] * 3 + [1] * 3 + [3] * 3 + [2] * 3 + [3] * 3
     assert len(set(order)) == len(order) == 36
+
+
+def test_the_repetition_makes_each_unit_once_and_two_networks_of_everything_first():
+    order = list(causal_repeat.units())
+    assert len(set(order)) == len(order) == 6 * 2 * 5 + 3 * 5
+    assert {unit.seed for unit in order[:30]} == {0, 1}
+
+
+def test_rows_are_added_for_units_that_have_none(tmp_path):
+    rows, made = tmp_path / "rows.jsonl", []
+
+    def make(unit: Unit) -> list[dict]:
+        made.append(unit)
+        return [{**asdict(unit), "level": level, "solved": []} for level in (1, 3)]
+
+    wanted = [Unit("click_bell", arm, "history", 1) for arm in ("planned", "reactive")]
+    add_missing(rows, wanted[:1], make)
+    add_missing(rows, wanted, make)
+    assert made == wanted
+    assert [row["arm"] for row in read(rows)] == ["planned"] * 2 + ["reactive"] * 2
 
 
 def test_contrasts_are_of_the_seeds_that_both_arms_have():
