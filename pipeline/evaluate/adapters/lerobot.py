@@ -5,6 +5,7 @@ one observation are asked for `n_action_steps` actions at once, others for one a
 sizes that the policy was trained on; without it other sizes are refused.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -136,6 +137,8 @@ class LerobotForm:
 
 def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:
     """The policy of this kind and its processors, by lerobot's factory."""
+    # a page of errors about torchcodec without FFmpeg: a policy reads no videos
+    logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
