@@ -21,7 +21,7 @@ from pipeline.evaluate.difference import interval
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (HERE / "docs" / "science" / f"causal_repeat{suffix}" for suffix in ("_rows.jsonl", ".md"))
 TASKS = ("click_bell", "press_stapler", "beat_block_hammer", "grab_roller", "move_can_pot", "place_mouse_pad")
-PRESSES, N, SEEDS, SEED = TASKS[:3], 150, 5, 2
+HELD, N, SEED = TASKS[:5], 150, 2
 STOP, HOLD = Scenes((0, *LEVELS), 100, 1), Scenes(LEVELS, 100, 1, "hold")
 PAIR, OTHERS = ("planned", "reactive"), ("half", "new scenes", "static")
 
@@ -37,7 +37,7 @@ def units() -> Iterator[Unit]:
 
 def tried(study: Study, unit: Unit) -> Iterator[Row]:
     """A network on all its scenes."""
-    for scenes in (STOP, HOLD) if unit.task in PRESSES and unit.arm in PAIR else (STOP,):
+    for scenes in (STOP, HOLD) if unit.task in HELD and unit.arm in PAIR else (STOP,):
         yield from (row | {"contact": scenes.contact} for row in study.rows(unit, scenes))
 
 
@@ -65,7 +65,7 @@ def report(rows: Path, page: Path) -> None:
     stop, hold = ([row for row in read(rows) if row["contact"] == scenes.contact] for scenes in (STOP, HOLD))
     fill_in(page, "primary", table(stop, pairs(LEVELS, TASKS), ()))
     fill_in(page, "secondary", table(stop, (), (("secondary", itertools.chain(pairs((0,), TASKS), others())),)))
-    fill_in(page, "hold", table(hold, (), (("secondary", pairs(LEVELS, PRESSES)),)))
+    fill_in(page, "hold", table(hold, (), (("secondary", pairs(LEVELS, HELD)),)))
     head = ("task", "arm", "networks", *(f"level {level}: SR % (95 %)" for level in STOP.levels), "level 1 / 3, each network")
     fill_in(page, "success", markdown(head, list(success(stop))))
     draw(stop, page.with_suffix(".png"))
