@@ -64,7 +64,7 @@ class Setup(BaseModel):
     """Store a point cloud of the head camera."""
     sensors: Sensors | None = None
     """Imperfections of the cameras, off by default: noise (gain), motion_blur (ms), drift (share), depth_noise (d435), latency
-    (frames); {noise: 2, latency: 1}, or noise=2,latency=1."""
+    (frames), as in noise=2,latency=1; in a file also {noise: 2, latency: 1}."""
     visuals: Literal["domain", "clean", "randomized"] = "domain"
     """Looks of room and lights: those of the episode's domain, the clean ones, or drawn from `visual_seed`."""
     visual_seed: Seed = 0

@@ -76,11 +76,16 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that kills two workers is recorded as
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
-    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, Busy if another command writes
-    the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep dying.
+    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to correct
+    cannot be made, Busy if another command writes the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)
+    if recipe.corrections and not dataset.manifest.exists():
+        from pipeline.evaluate.asking import load_once  # policies take a second to import
+        from pipeline.evaluate.policies import policy_name
+
+        load_once(policy_name(recipe.corrections.policy))
     # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
     with session(pool) if pool.address and not dataset.manifest.exists() else nullcontext():
         dataset.create(recipe)

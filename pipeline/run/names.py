@@ -14,7 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
-from pipeline.data.rules import Corrections
+from pipeline.data.rules import Corrections, Sight
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
@@ -53,10 +53,7 @@ def resolve(recipe: Recipe, source: str = "recipe", flags: Mapping[str, str] | N
     _check_links(recipe, source)
     recipe = with_originals(recipe)
     objects = _check_objects(recipe, where("objects"))
-    if recipe.perturb and recipe.corrections is None:
-        raise RecipeError(
-            f"{where('perturb')} perturbs the robot after a policy has acted: name a policy to correct, too (corrections)"
-        )
+    _check_reactive(recipe, where)
     try:
         corrections = named_policy(recipe.corrections) if recipe.corrections else None
     except DominoError as error:
@@ -76,6 +73,16 @@ def named_policy(corrections: Corrections) -> Corrections:
 
     found = policy_name(corrections.policy)
     return Corrections(policy=found.text, label=found.label)
+
+
+def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
+    """Raise RecipeError for what the expert or corrections would need that the recipe has not."""
+    told = {"perturb": "perturbs the robot after a policy has acted", "takeover": "says when the expert takes over from a policy"}
+    for key, what in told.items():
+        if recipe.corrections is None and getattr(recipe, key) != Recipe.model_fields[key].default:
+            raise RecipeError(f"{where(key)} {what}: name a policy to correct, too (corrections)")
+    if recipe.reactive is None and recipe.sight != Sight():
+        raise RecipeError(f"{where('sight')} says how the reactive expert sees: choose this expert, too (expert)")
 
 
 def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:

@@ -231,6 +231,14 @@ def test_a_build_that_gives_slots_up_says_so_with_a_code_of_its_own(tmp_path, mo
     assert {row["detail"] for row in rows} == {"workspace 828, visibility 1, blocked 171"}
 
 
+def test_a_policy_that_cannot_be_made_leaves_no_dataset(tmp_path):
+    (tmp_path / "policy.py").write_text("x = 1\n")
+    wanted = ("build", *WANTED, "--corrections", tmp_path / "policy.py", "--out", tmp_path / "out", "--executor", "inline")
+    code, _, err = inside(*wanted)
+    assert code == 2 and "make_policy()" in err and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 # --- planning and bad input -------------------------------------------------------------------------------------------------
 
 

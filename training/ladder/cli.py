@@ -82,6 +82,16 @@ def ladder(
         raise UsageError(f"--rungs {unknown[0]!r} is unknown: choose from {', '.join(every)}")
     if rounds and not set(kinds) & set(INPUTS):
         raise UsageError(f"--rounds {rounds} corrects networks of states: name one of {', '.join(INPUTS)} in --rungs")
+    if corrections and not set(kinds) & {*INPUTS, *LEROBOT_STATES}:
+        raise UsageError(
+            f"--corrections teaches networks of states: name one of {', '.join((*INPUTS, *LEROBOT_STATES))} in --rungs"
+        )
+    if corrections_weight != 1 and (not (corrections or rounds or data) or not set(kinds) & set(INPUTS)):
+        raise UsageError(f"--corrections-weight needs --corrections or --rounds, and one of {', '.join(INPUTS)} in --rungs")
+    if train_options and not set(kinds) - set(INPUTS):
+        raise UsageError(
+            f"--train-options are for lerobot-train: name one of {', '.join((*LEROBOT_STATES, *IMAGE_RUNGS))} in --rungs"
+        )
     if data is None and (seeing := [name for name in kinds if name in IMAGE_RUNGS]):
         raise UsageError(f"--rungs {seeing[0]} learns from images: give --data a dataset that has them")
     if data is not None and not given.from_file:

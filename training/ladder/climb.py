@@ -161,6 +161,10 @@ def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> l
     """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
     shown = _make(ladder, recipe, out, run) if ladder.data is None else list(read_demonstrations(ladder.data, recipe.cells()))
     for dataset in ladder.corrections:
+        if not Dataset(dataset).recipe().corrections:
+            raise LadderError(
+                f"--corrections {dataset}: holds no corrections; give it as --data, or make some with `build --corrections`"
+            )
         shown += read_demonstrations(dataset, recipe.cells())
     if not shown:
         raise LadderError(f"{recipe.tasks[0]}: there is no demonstration to learn from; give --data a dataset that has some")

@@ -86,14 +86,16 @@ def _replay(policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int) -> tu
     words, sizes = shard.row.instructions[0], prep.source_sizes
     policy.reset(Start(words, shard.row.embodiment, prep.names, prep.fps, prep.cameras, 0, sizes))
     places = np.flatnonzero(part.episode == number)
+    # of a corrected episode, what the policy did before the expert took over is shown and not compared
+    taught = int(part.frame[places[0]] - part.first[places[0]])
     errors, different = list[np.ndarray](), 0
     for t in range(0, shard.row.length - 1, policy.period):
         images = {camera: decode_frame(shard.images[camera][t]) for camera in prep.cameras}
         seen = Observation(shard.state[t].astype(np.float64), words, float(shard.time[t]), images)
         policy.act(seen)
-        if t % policy.execute.actions:
+        if t % policy.execute.actions or t < taught:
             continue
-        wanted = batch_of(Part(part.cache, *(a[places] for a in _columns(part))), np.array([t]), corpus.config, prep)
+        wanted = batch_of(Part(part.cache, *(a[places] for a in _columns(part))), np.array([t - taught]), corpus.config, prep)
         given = policy.given(seen)
         # which arms act is an answer of the policy, and may be another one than the expert's
         different += sum(not _alike(name, given[name], wanted[name]) for name in given if name != "choice")

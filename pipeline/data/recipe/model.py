@@ -82,7 +82,8 @@ class Recipe(Setup):
     """The demonstrator: the planned expert knows where and when it meets the target, the reactive one sees only the past,
     follows the target and tries again."""
     sight: Sight = Sight()
-    """Delay and error with which the reactive expert sees the target: {delay: s, noise: m}, or 100ms,5mm."""
+    """Delay and error with which the reactive expert sees the target: 100ms,5mm; in a file also {delay: 0.1,
+    noise: 0.005} (s, m)."""
     corrections: Corrections | None = None
     """A policy (as for `evaluate --policy`) that acts first; the reactive expert labels every frame, takes over and finishes."""
     takeover: Takeover = "time"

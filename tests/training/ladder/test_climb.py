@@ -12,6 +12,7 @@ import pytest
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.rules import Corrections
 from pipeline.evaluate.evaluate import inline
 from pipeline.export.card import read_card
 from pipeline.planning.planner import planner_for
@@ -211,6 +212,17 @@ def test_a_dataset_is_exported_for_lerobot_once(built, tmp_path):
     assert lerobot_dataset(built, cells[:1], tmp_path)[0] != out
     with pytest.raises(LadderError, match="stamp_seal"):
         lerobot_dataset(built, Recipe(tasks=("stamp_seal",)).cells(), tmp_path)
+
+
+def test_what_a_policy_did_before_a_correction_is_not_imitated(built, tmp_path, monkeypatch):
+    ladder = Ladder(Recipe(tasks=("click_bell",)), ("velocity",), ((8, 4),), 1, 1, Settings(), built, "", corrections=(built,))
+    with pytest.raises(LadderError, match="holds no corrections"):
+        climb(ladder, tmp_path, inline)
+    corrected = Recipe(tasks=("click_bell",), corrections=Corrections(policy="static", label="static"))
+    monkeypatch.setattr(Dataset, "recipe", lambda self: corrected)
+    with pytest.raises(LadderError, match="holds corrections, whose first frames show a policy's actions"):
+        lerobot_dataset(built, corrected.cells(), tmp_path)
+    assert not list(tmp_path.glob("**/meta"))
 
 
 def test_a_small_ladder_end_to_end(tmp_path):

@@ -21,12 +21,14 @@ from pipeline.data.setup import SETUP_FILE, Setup
 from tests.synthetic import episode_path, make_episode
 from tests.training.puma.tiny import FRAMES, config_of, export
 from training.puma.cache import open_cache
+from training.puma.checks import replay_check
 from training.puma.config import Config, Source, parse_config
 from training.puma.data import Part, batch_of, mixed_batch, open_corpus, setup_of, split_episodes
 from training.puma.errors import TrainError
 from training.puma.preprocess import Preprocessing, fit_scale
 from training.puma.sampler import Sampler
 from training.puma.shards import Shards
+from training.puma.train import train
 
 
 def changed(config: Config, part: str, **values: object) -> Config:
@@ -50,6 +52,11 @@ def test_only_the_expert_teaches_in_corrected_episodes(tmp_path: Path):
         label = episode.array("expert_action")[5:11].astype(np.float32)
     batch = batch_of(part, np.array([0]), config, corpus.preprocessing)
     np.testing.assert_allclose(corpus.preprocessing.action.backward(batch["action"][0]), label, atol=1e-5)
+
+    # a run is checked on what teaches: of 7 frames the chunks that begin at 5, 8 of 0, 4, 8, and of 12 those at 0, 4, 8
+    train(config, tmp_path / "run", steps=1, quiet=True)
+    found = replay_check(tmp_path / "run", None, 2)
+    assert found["episodes"] == 2 and found["answers"] == 4 and found["different"] == 0
 
 
 @pytest.fixture
