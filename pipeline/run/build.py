@@ -76,8 +76,9 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that kills two workers is recorded as
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
-    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to correct
-    cannot be made, Busy if another command writes the dataset, NoRenderer without Vulkan, EngineError if workers cannot be started or keep dying.
+    Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to
+    correct cannot be made, Busy if another command writes the dataset, NoRenderer without Vulkan, EngineError if workers cannot be
+    started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)

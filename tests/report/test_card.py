@@ -132,6 +132,22 @@ def test_the_card_of_failures_shows_no_demonstrations(card):
     assert front["license"] == "apache-2.0"
 
 
+@pytest.mark.parametrize(("corrected", "meta"), [(0, {}), (0, {"expert": "reactive"}), (3, {"corrects": "static@1"})])
+def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(tmp_path, corrected, meta):
+    path = make_episode(episode_path(tmp_path), frames=6, corrected=corrected, meta=meta | {"physics_id": "a"})
+    out = tmp_path / "out"
+    EXPORTERS["parquet"].export(
+        Job(tmp_path, out, [path], EXPORTERS["parquet"].options(), describe=describe(tmp_path, [path])),
+    )
+    text = (out / "README.md").read_text()
+    described = json.loads((out / "croissant.json").read_text())
+    for said in (text, json.dumps(described)):
+        assert ("know the target's motion in advance" in said) == (meta == {})
+        assert ("see the target's poses up to each moment and nothing of its future" in said) == (meta != {})
+        assert ("`intervention` is false" in said) == ("static@1" in said) == (corrected > 0)
+    assert any("`action` where `intervention`" in use for use in described["rai:dataUseCases"]) == (corrected > 0)
+
+
 def test_several_robots_are_several_datasets(card):
     made = card("lerobot, several robots")
     assert [config["config_name"] for config in made.front["configs"]] == list(ROBOTS)

@@ -77,8 +77,8 @@ def image_policy(training: ImageTraining, dataset: Path, where: Path) -> Path:
 def lerobot_dataset(root: Path, cells: Sequence[Cell], where: Path) -> tuple[Path, int]:
     """The dataset's accepted episodes of these cells as a LeRobot dataset below `where`, and how many there are.
 
-    They end with the success. The dataset is exported if it is not there; its name carries a hash of their bytes. Raises LadderError
-    if there is none, and for corrections.
+    They end with the success. The dataset is exported if it is not there; its name carries a hash of their bytes. Raises
+    LadderError if there is none, and for corrections.
     """
     dataset = Dataset(root)
     if dataset.recipe().corrections:

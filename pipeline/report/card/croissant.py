@@ -74,8 +74,10 @@ def croissant(folder: Path, summary: Mapping[str, Any], seen: Sequence[Seen]) ->
 
 
 def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
-    intended, unintended = uses(summary)
+    intended, unintended = uses(seen, summary)
     made = "A scripted expert acts on a target whose motion is computed backwards from the moment of the meeting (SAPIEN physics)."
+    if policy := seen[0].meta.corrects:
+        made += f" Before it, the policy {policy} acts."
     judged = "failed the named conditions of its task" if is_failures(summary) else "met the named conditions of its task"
     return {
         "rai:dataCollection": f"{made} Each attempt was judged from its state log and {judged}.",
@@ -87,7 +89,7 @@ def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
         "rai:machineAnnotationTools": ["domino-data"],
         "rai:annotationsPerItem": f"{sum(map(len, seen[0].instructions))} instructions an episode",
         "rai:dataUseCases": [*intended, *(f"Not intended: {text}" for text in unintended)],
-        "rai:dataLimitations": list(limits(summary)),
+        "rai:dataLimitations": list(limits(seen, summary)),
         "rai:dataBiases": list(BIASES),
         "rai:dataSocialImpact": "Better handling of moving objects may replace manual work; the data themselves concern no person.",
         "rai:personalSensitiveInformation": ["None: the data are simulated and show no person."],

@@ -49,7 +49,7 @@ def describe(
             films.append(f'<video src="card/clip_{number}.mp4" controls muted loop width="420"></video>')
         sections = {
             "": _opening(seen, summary),
-            "Intended use": _use(summary),
+            "Intended use": _use(seen, summary),
             "What is in it": (_reasons(seen) if is_failures(summary) else "") + _cells(dataset, seen) + _speeds(seen),
             "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", "", *films]),
             "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
@@ -58,7 +58,7 @@ def describe(
             "Splits": _splits(seen),
             "How it was made": _describe_origin(dataset, summary),
             **(more or {}),
-            "Known limits": bullets(limits(summary)),
+            "Known limits": bullets(limits(seen, summary)),
             "Citation": f"```bibtex\n{citation(seen, summary)}```\n",
         }
         described = json.dumps(croissant(folder, summary, seen), indent=2, ensure_ascii=False)
@@ -115,8 +115,8 @@ def _timing(format: str) -> str:
     return "`state` is measured at a frame, `action` is the joint target commanded for the interval after it; nothing is shifted."
 
 
-def _use(summary: Mapping[str, Any]) -> str:
-    intended, unintended = uses(summary)
+def _use(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
+    intended, unintended = uses(seen, summary)
     return f"For:\n\n{bullets(intended)}\nNot for:\n\n{bullets(unintended)}"
 
 

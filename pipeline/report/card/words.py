@@ -28,9 +28,20 @@ SIMULATED = (
     "Everything is simulated (SAPIEN 3, rigid bodies): friction, mass and compliance are those of the simulator. Objects are "
     "generated from parameters; they are not scans of products."
 )
+EXPERTS = {
+    "planned": "that know the target's motion in advance",
+    "reactive": "that see the target's poses up to each moment and nothing of its future",
+}
+CORRECTED = (
+    "A policy acts first in every episode. `intervention` is false (0) there and true (1) where the expert acts. "
+    "`expert_action` is the expert's action at every frame, also where the policy acts."
+)
+NOT_POLICY = (
+    "Imitating `action` where `intervention` is false: it is the policy's. Learn from the other frames, or from `expert_action`."
+)
 LIMITS = (
     SIMULATED,
-    "Demonstrations come from scripted experts that know the target's motion in advance; nobody teleoperated a robot. Failed "
+    "Demonstrations come from scripted experts {knowing}; nobody teleoperated a robot. Failed "
     "attempts are left out, so motions that the experts cannot meet are rarer than they were drawn.",
     "Alpha bounds the average speed of levels 2 and 3 unless the recipe sets it otherwise; the table has the speeds observed.",
     "Images are drawn without sensor noise, motion blur or rolling shutter.",
@@ -58,14 +69,25 @@ def kind_of(summary: Mapping[str, Any]) -> str:
     return "failed attempts" if is_failures(summary) else "simulated episodes"
 
 
-def uses(summary: Mapping[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
+def uses(seen: Sequence[Seen], summary: Mapping[str, Any]) -> tuple[Sequence[str], Sequence[str]]:
     """What an export is meant for, and what it is not."""
-    return (USES_OF_FAILURES, (NOT_DEMONSTRATIONS, *NOT_FOR)) if is_failures(summary) else (USES, NOT_FOR)
+    if is_failures(summary):
+        return USES_OF_FAILURES, (NOT_DEMONSTRATIONS, *NOT_FOR)
+    return USES, (NOT_POLICY, *NOT_FOR) if _corrected(seen) else NOT_FOR
 
 
-def limits(summary: Mapping[str, Any]) -> Sequence[str]:
+def limits(seen: Sequence[Seen], summary: Mapping[str, Any]) -> Sequence[str]:
     """What is to be known before using an export."""
-    return LIMITS_OF_FAILURES if is_failures(summary) else LIMITS
+    if is_failures(summary):
+        return LIMITS_OF_FAILURES
+    # a policy is corrected by the reactive expert
+    experts = sorted({"reactive" if one.meta.corrects else one.meta.expert for one in seen})
+    said = [text.format(knowing=", or ".join(EXPERTS[name] for name in experts)) for text in LIMITS]
+    return [CORRECTED, *said] if _corrected(seen) else said
+
+
+def _corrected(seen: Sequence[Seen]) -> bool:
+    return any(one.meta.corrects for one in seen)
 
 
 def identifier(seen: Sequence[Seen]) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile, open_episode
-from pipeline.data.episode.meta import FailureInfo
+from pipeline.data.episode.meta import EpisodeMeta, FailureInfo
 from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.episode.state_log import SkillRun, StateLog
 from pipeline.data.names import HEAD, SIDES
@@ -85,7 +85,7 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
         "instruction": episode.instructions["seen"][:1],
         "meeting": {"planned": meta.meeting_time, "place": derived.planned_position.tolist()},
         "events": [{"name": event.name, "time": event.time, "by": event.by} for event in log.events],
-        "spans": _spans(derived, meta.fps) + _policy(log, meta.fps),
+        "spans": _spans(derived, meta.fps) + _policy(meta, log),
         "skills": skill_rows(log.skills, meta.physics_hz),
         "joints": list(log.vector_names),
         "state": _round(log.state.T),
@@ -170,9 +170,11 @@ def _spans(derived: Interception, fps: int) -> list[dict[str, Any]]:
     return spans
 
 
-def _policy(log: StateLog, fps: int) -> list[dict[str, Any]]:
+def _policy(meta: EpisodeMeta, log: StateLog) -> list[dict[str, Any]]:
     """The interval (s) in which a policy acts before the expert corrects it, if it does."""
-    return [] if log.intervention is None else [{"name": "policy acts", "start": 0.0, "end": int((~log.intervention).sum()) / fps}]
+    if log.intervention is None:
+        return []
+    return [{"name": f"policy {meta.corrects} acts", "start": 0.0, "end": int((~log.intervention).sum()) / meta.fps}]
 
 
 def skill_rows(runs: Sequence[SkillRun], hz: int) -> list[dict[str, Any]]:
