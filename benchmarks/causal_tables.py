@@ -217,11 +217,11 @@ def draw(rows: Sequence[Row], plot: Path) -> None:
     for (row, level), (column, task) in itertools.product(enumerate(LEVELS), enumerate(tasks)):
         ax = panels[row, column]
         curves(ax, Rates(rows, task, level), sizes[task])
-        ax.set_title(task if row == 0 else "", fontsize=10)
-        ax.set_xlabel("demonstrations a level" if row else "")
+        ax.set_title(task if row == 0 else "", fontsize=9)
         ax.set_ylabel(f"level {level}: success (%)" if column == 0 else "")
     handles = {label: handle for ax in panels.flat for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     names = [arm for arm in SHOWN if arm in handles]
+    figure.supxlabel("demonstrations a level", fontsize=10)
     figure.legend([handles[arm] for arm in names], names, loc="outside upper center", ncols=len(names), frameon=False)
     figure.savefig(plot, dpi=120)
 
