@@ -28,8 +28,18 @@ CLOSE, FUNNEL = 0.004, 0.02
 """Distance (m) of the hand from where it should be, relative to the target, beyond which it does not go nearer: at the end of its
 way, and what is added to it at the beginning."""
 
-STARTLED = 0.004
+EXPECTED = 0.004
 """Distance (m) of the target from where it was expected beyond which the hand does not go nearer."""
+
+EASY = 0.7
+"""Share of these distances up to which the hand goes nearer at the pace of its plan. Beyond, it slows down."""
+
+CHANGE, BACK = 0.5, 0.25
+"""Greatest change of the pace in a control period, and the pace of drawing back, as shares of the plan's. A hand that stops or turns
+at once overshoots and is off its path by this alone."""
+
+STARTLED = 2.0
+"""Multiple of EXPECTED from which a hand turns at once and draws back at the plan's pace, until it is where it should be."""
 
 UNSURE = 3.0
 """Standard deviations of what is seen of the target by which both may be larger."""
@@ -37,7 +47,7 @@ UNSURE = 3.0
 AT_REST = 1e-4
 """Speed (rad/s or m/s) of commands that counts as none."""
 
-PATIENCE, BEYOND = 0.8, 0.3
+PATIENCE, BEYOND = 1.6, 0.3
 """Seconds near the target for which the hand may be kept from going nearer, and for which it may be unable to follow the target."""
 
 SAME_BRANCH = IkBudget(restarts=0)
@@ -48,7 +58,7 @@ class ReactiveExpert:
 
     It goes through the last skill of a plan. On the first motion it turns from the plan to the moving target. From `plan.near` on
     its hands move exactly as the target is expected to move. They go nearer only while they are where they should be and the target
-    does what was expected; where that is far from true, they draw back. Its state is `row`, where it is in the plan, what the
+    does what was expected. The less this is so, the slower they go; at last they draw back. Its state is `row`, where it is in the plan, what the
     joints are off the plan, and the limiter of its commands.
     """
 
@@ -65,7 +75,7 @@ class ReactiveExpert:
         self._free = free
         self.plan, self.row, self.stalled, self.beyond = plan, float(plan.last), 0, 0
         self._shift = {side: np.zeros_like(self._planner.home(side)) for side in plan.sides}
-        self._error, self._touched = 0.0, False
+        self._error, self._touched, self._pace, self._startled = 0.0, False, 1.0, False
 
     @property
     def done(self) -> bool:
@@ -87,23 +97,32 @@ class ReactiveExpert:
 
         A target that was `touched` is no longer followed: the hand stays where the target is.
         """
-        excess = 0.0 if touched or not self.near else self._excess(track)
-        self.stalled += excess >= 1.0
-        if excess < 1.0:
-            end = min(self.row + PERIOD, len(self.plan.commands) - 1 if self.near else self.plan.near)
+        if touched or not self.near:
+            self._pace, self._startled = 1.0, False
         else:
-            end = self.row if excess < 2.0 else max(self.row - PERIOD, self.plan.near)
+            self._choose_pace(*self._excess(track))
+        first, last = (self.plan.near, len(self.plan.commands) - 1) if self.near else (self.row, self.plan.near)
+        end = float(np.clip(self.row + self._pace * PERIOD, first, last))
         if not touched:
             self._target = track.predict(time + PERIOD / PHYSICS_HZ + LAG)
         elif not self._touched:
             self._target, self._touched = track.predict(time), True
         return self._move(end)
 
-    def _excess(self, track: Track) -> float:
-        """How far the hand is from where it should be, or the target from where it was expected, in what is allowed of each."""
+    def _choose_pace(self, astray: float, surprise: float) -> None:
+        """Set how fast the hand goes nearer, as a share of the plan's pace, from the two numbers of `_excess`."""
+        excess = max(astray, surprise)
+        self.stalled += excess >= 1.0
+        self._startled = surprise >= STARTLED or (self._startled and astray >= 1.0)
+        pace = float(np.clip((1.0 - excess) / (1.0 - EASY), -1.0 if self._startled else -BACK, 1.0))
+        at_once = surprise >= 1.0 or self._startled
+        self._pace = pace if at_once else float(np.clip(pace, self._pace - CHANGE, self._pace + CHANGE))
+
+    def _excess(self, track: Track) -> tuple[float, float]:
+        """How far the hand is from where it should be, and the target from where it was expected, in what is allowed of each."""
         left, unsure = max(0.0, self.plan.met - self.row) / max(1, self.plan.met - self.plan.near), UNSURE * track.noise
-        found = max(self._error / (CLOSE + FUNNEL * left + unsure), track.surprise / (STARTLED + unsure))
-        return max(found, 1.0) if self.beyond else found
+        astray = self._error / (CLOSE + FUNNEL * left + unsure)
+        return max(astray, 1.0) if self.beyond else astray, track.surprise / (EXPECTED + unsure)
 
     def back(self, track: Track, time: float) -> Iterator[Command]:
         """As `act`, the way back to where the hand was first near the target."""
