@@ -45,8 +45,8 @@ def ladder(
     rungs: Annotated[
         str,
         typer.Option(
-            help="Of position, velocity, two_frames (states); by lerobot-train act_velocity, diffusion_velocity (states), act and "
-            "diffusion (images of --data)."
+            help="Inputs. Poses of the bodies: position, velocity, two_frames, and by lerobot-train act_velocity, "
+            "diffusion_velocity. Images of --data, by lerobot-train: act, diffusion."
         ),
     ] = "position,velocity,two_frames",
     chunks: Annotated[str, typer.Option(help="LENGTH:EXECUTED pairs: actions in a chunk, and those executed.")] = "8:4,40:20",

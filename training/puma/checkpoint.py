@@ -146,7 +146,7 @@ def newest(folder: Path) -> Path:
         return folder
     found = checkpoints(folder)
     if not found:
-        raise TrainError(f"{folder}: holds no checkpoint; run: puma train --out {folder}")
+        raise TrainError(f"{folder}: holds no checkpoint: name a directory that `puma train --out` has written")
     return found[-1]
 
 

@@ -73,6 +73,8 @@ class Shards:
 
     def __init__(self, source: Source, config: Config) -> None:
         self.dataset, self.where, self.config = source.dataset, source.where, config
+        if not source.dataset.is_dir():
+            raise TrainError(f"{source.dataset} does not exist: give --data the directory of a dataset")
         self.root = Dataset(source.dataset).exports(EXPORT)
         try:
             table = pq.read_table(self.root / "episodes.parquet")

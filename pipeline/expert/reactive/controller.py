@@ -35,8 +35,8 @@ EASY = 0.7
 """Share of these distances up to which the hand goes nearer at the pace of its plan. Beyond, it slows down."""
 
 CHANGE, BACK = 0.5, 0.25
-"""Greatest change of the pace in a control period, and the pace of drawing back, as shares of the plan's. A hand that stops or turns
-at once overshoots and is off its path by this alone."""
+"""Greatest change of the pace in a control period, and the pace of drawing back, as shares of the plan's. A hand that stops or
+turns at once overshoots and is off its path by this alone."""
 
 STARTLED = 2.0
 """Multiple of EXPECTED from which a hand turns at once and draws back at the plan's pace, until it is where it should be."""
@@ -58,8 +58,8 @@ class ReactiveExpert:
 
     It goes through the last skill of a plan. On the first motion it turns from the plan to the moving target. From `plan.near` on
     its hands move exactly as the target is expected to move. They go nearer only while they are where they should be and the target
-    does what was expected. The less this is so, the slower they go; at last they draw back. Its state is `row`, where it is in the plan, what the
-    joints are off the plan, and the limiter of its commands.
+    does what was expected. The less this is so, the slower they go; at last they draw back. Its state is `row`, where it is in
+    the plan, its pace, what the joints are off the plan, and the limiter of its commands.
     """
 
     def __init__(self, planner: Planner, command: Floats) -> None:

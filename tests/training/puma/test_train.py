@@ -82,6 +82,9 @@ def test_a_refused_run_leaves_nothing_and_what_was_never_trained_may_change(data
     missing = config.model_copy(update={"data": config.data.model_copy(update={"cameras": ("nose",)})})
     with pytest.raises(TrainError, match=r"has no images of nose; data.cameras can be head_camera, left_camera$"):
         train(missing, tmp_path / "run", quiet=True)
+    nowhere = config.model_copy(update={"data": config.data.model_copy(update={"sources": (Source(dataset=tmp_path / "no"),)})})
+    with pytest.raises(TrainError, match=r"no does not exist: give --data the directory of a dataset$"):
+        train(nowhere, tmp_path / "run", quiet=True)
     assert not (tmp_path / "run").exists()
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "config.yaml").write_text(missing.to_yaml())
@@ -143,7 +146,7 @@ def test_a_changed_preprocessing_or_configuration_is_refused(run: Path, dataset:
     path.write_text(path.read_text().replace('"stride": 2', '"stride": 3'))
     with pytest.raises(TrainError, match="not the one that the weights were trained with"):
         checkpoint.load(copy)
-    with pytest.raises(TrainError, match=r"holds no checkpoint; run: puma train --out"):
+    with pytest.raises(TrainError, match=r"holds no checkpoint: name a directory"):
         checkpoint.load(tmp_path / "nothing")
 
 
