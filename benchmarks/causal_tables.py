@@ -3,6 +3,7 @@
 import argparse
 import itertools
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -47,13 +48,15 @@ Row = dict[str, Any]
 
 
 def read(rows: Path) -> list[Row]:
-    """The rows of a file, if it is there; the first ones do not name their inputs."""
-    return [{"inputs": "velocity"} | json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
+    """The rows of a file; the first ones do not name their inputs. Exits in one line if there is none."""
+    if not rows.exists() or not rows.read_text():
+        sys.exit(f"{rows} has no rows: `run DIR --rows {rows}` makes some")
+    return [{"inputs": "velocity"} | json.loads(line) for line in rows.read_text().splitlines()]
 
 
 def add_missing[Unit: DataclassInstance](rows: Path, wanted: Iterable[Unit], make: Callable[[Unit], Iterable[Row]]) -> None:
     """Append the rows of each unit that has none in the file: a row has the fields of its unit."""
-    found = read(rows)
+    found = read(rows) if rows.exists() else []
     for unit in wanted:
         if not any(asdict(unit).items() <= row.items() for row in found):
             new = "".join(json.dumps(row) + "\n" for row in make(unit))
