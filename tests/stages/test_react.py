@@ -10,6 +10,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Sight
 from pipeline.data.spec import EpisodeSpec
+from pipeline.expert.reactive.controller import PERIOD, ReactiveExpert
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.stages.failure import Failure
 from pipeline.stages.react import react
@@ -67,6 +68,23 @@ def test_no_command_of_a_reactive_episode_exceeds_a_limit():
     assert worst is not None
     for kind in ("velocity", "acceleration", "jerk"):
         assert 0.3 < worst.values[kind] < 1 + 1e-5, kind
+
+
+def test_a_hand_that_is_off_its_path_stops_gently(scene, monkeypatch):
+    """The target slows down: the hand is thrown off its path, and does not go nearer until it is back on it."""
+    paces, act = list[float](), ReactiveExpert.act
+
+    def watched(self, track, time, *, touched=False):
+        near, before = self.near and not touched, self.row
+        commands = list(act(self, track, time, touched=touched))
+        paces.extend([(self.row - before) / PERIOD] * near)
+        return iter(commands)
+
+    monkeypatch.setattr(ReactiveExpert, "act", watched)
+    react(scene, turning(scene, (0.0, 0.02)), EXACT, 15)
+    assert min(paces) == 0.0 and paces[-2] == 1.0
+    # 0.5: the greatest change in a control period
+    assert np.abs(np.diff([1.0, *paces[:-1]])).max() == pytest.approx(0.5)
 
 
 def test_a_target_that_leaps_away_is_met_all_the_same(scene):
