@@ -130,6 +130,7 @@ def main() -> None:
     parser.add_argument("--robots", default="aloha-agilex,franka-panda")
     parser.add_argument("--levels", default="1,2,3")
     parser.add_argument("--slots", type=int, default=5)
+    parser.add_argument("--first", type=int, default=0, help="first slot")
     parser.add_argument("--delay", type=float, default=0.0, help="s")
     parser.add_argument("--noise", type=float, default=0.0, help="m")
     parser.add_argument("--rows", type=Path, required=True, help="file of JSON lines")
@@ -142,7 +143,7 @@ def main() -> None:
         known = {tuple(row[name] for name in Job.__dataclass_fields__) for row in rows}
         every = (
             Job(task, robot, int(level), slot, args.delay, args.noise)
-            for slot in range(args.slots)
+            for slot in range(args.first, args.first + args.slots)
             for task in expand_tasks(args.tasks.split(","))
             for robot in args.robots.split(",")
             for level in args.levels.split(",")
