@@ -181,7 +181,7 @@ def test_killed_midway_and_run_again_ends_with_the_same_bytes(tmp_path: Path):
     dataset(tmp_path / "a", range(30))
     shutil.copytree(tmp_path / "a", tmp_path / "b")
     annotate(tmp_path / "a", ["flow"], options=OPTIONS)
-    process = multiprocessing.get_context("fork").Process(
+    process = multiprocessing.get_context("spawn").Process(
         target=annotate, args=(tmp_path / "b", ["flow"]), kwargs={"options": OPTIONS}
     )
     process.start()
