@@ -77,12 +77,12 @@ def named_policy(corrections: Corrections) -> Corrections:
 
 def _check_reactive(recipe: Recipe, where: Callable[[str], str]) -> None:
     """Raise RecipeError for what the expert or corrections would need that the recipe has not."""
-    told = {"perturb": "perturbs the robot after a policy has acted", "takeover": "says when the expert takes over from a policy"}
-    for key, what in told.items():
+    needing = {"perturb": "perturbs the robot after a policy has acted", "takeover": "sets when the expert takes over"}
+    for key, what in needing.items():
         if recipe.corrections is None and getattr(recipe, key) != Recipe.model_fields[key].default:
             raise RecipeError(f"{where(key)} {what}: name a policy to correct, too (corrections)")
     if recipe.reactive is None and recipe.sight != Sight():
-        raise RecipeError(f"{where('sight')} says how the reactive expert sees: choose this expert, too (expert)")
+        raise RecipeError(f"{where('sight')} sets how the reactive expert sees: choose this expert, too (expert)")
 
 
 def _check_motions(recipe: Recipe, where: Callable[[str], str]) -> None:

@@ -53,7 +53,7 @@ def test_only_the_expert_teaches_in_corrected_episodes(tmp_path: Path):
     batch = batch_of(part, np.array([0]), config, corpus.preprocessing)
     np.testing.assert_allclose(corpus.preprocessing.action.backward(batch["action"][0]), label, atol=1e-5)
 
-    # a run is checked on what teaches: of 7 frames the chunks that begin at 5, 8 of 0, 4, 8, and of 12 those at 0, 4, 8
+    # chunks begin at the frames 0, 4 and 8: of the corrected episode only that at 8 is compared, where the expert acts
     train(config, tmp_path / "run", steps=1, quiet=True)
     found = replay_check(tmp_path / "run", None, 2)
     assert found["episodes"] == 2 and found["answers"] == 4 and found["different"] == 0
