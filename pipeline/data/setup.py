@@ -251,7 +251,11 @@ class Setup(BaseModel):
             key = str(first["loc"][0])[:SHOWN] if first["loc"] else ""
             where = (flags or {}).get(key) or f"{source}: {key}"
             last = first["loc"][-1] if len(first["loc"]) > 1 else 0
-            if isinstance(last, str) and first["type"] != "extra_forbidden" and first["input"] is not values.get(key):
+            if (
+                isinstance(last, str)
+                and first["type"] != "extra_forbidden"
+                and (first["type"] == "missing" or first["input"] is not values.get(key))
+            ):
                 where += f": {last[:SHOWN]}"  # the part of the value that is wrong
             plain = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
             said = f"is not a key of a {cls.__name__.lower()}; keys are {', '.join(cls.model_fields)}"

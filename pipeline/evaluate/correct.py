@@ -12,12 +12,14 @@ import numpy as np
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError, interpolate_targets
 from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.case import Case, blind
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError
+from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, staying
+from pipeline.evaluate.policy_contract import check_contract
 from pipeline.evaluate.trial import Trial
 from pipeline.evaluate.views import Eyes, Sight, instruction_of
 from pipeline.expert.reactive.actor import ReactiveActor
@@ -27,6 +29,7 @@ from pipeline.poses import Floats
 from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
+from pipeline.world.robots import get_embodiment
 
 STAGE = "correct"
 
@@ -53,6 +56,7 @@ class Correction:
 
     recipe: Recipe
 
+    @staying()
     def __call__(self, scene: Scene, motion: TargetMotion, meeting: float) -> Replay:
         """The rollout, whose log says who acted at each frame and what the expert would have done.
 
@@ -74,18 +78,39 @@ class Correction:
         return Replay(replace(log, intervention=np.arange(len(log)) >= frames, expert_action=expert), done.steps)
 
 
+@staying()
+def check_policy(recipe: Recipe) -> None:
+    """Make the policy that a recipe corrects, and compare its contract. Raises PolicyError if either fails."""
+    try:
+        asked = _asked(recipe)
+        for robot in recipe.embodiments:
+            check_contract(asked.policy, start_of(get_embodiment(robot), _shown(asked, recipe), ""))
+    except PolicyError as error:
+        raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
+
+
+def _asked(recipe: Recipe) -> Asked:
+    """The recipe's policy. Raises PolicyError if it cannot be made or has changed."""
+    corrections = recipe.corrections
+    if corrections is None:
+        raise PolicyError("the recipe names no policy to correct")
+    name = policy_name(corrections.policy)
+    if name.label != corrections.label:
+        raise PolicyError(f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more")
+    return Asked(name)
+
+
+def _shown(asked: Asked, recipe: Recipe) -> Setup:
+    """The setup in which the policy acts: one that is shown the simulation sees no images."""
+    return blind(recipe) if asked.sees_truth else recipe.setup
+
+
 class _Turn:
     """The policy's part of an episode."""
 
     def __init__(self, recipe: Recipe, trial: Trial, actor: ReactiveActor, case: Case) -> None:
-        corrections = recipe.corrections
-        if corrections is None:
-            raise PolicyError("the recipe names no policy to correct")
-        name = policy_name(corrections.policy)
-        if name.label != corrections.label:
-            raise PolicyError(f"--corrections {corrections.policy}: is {name.label}, not {corrections.label} any more")
         self._trial, self._actor, self._recipe = trial, actor, recipe
-        self._asked, self._case, meeting = Asked(name), case, case.meeting
+        self._asked, self._case, meeting = _asked(recipe), case, case.meeting
         rng = trial.scene.spec.rng("takeover")
         self._last = LATE * meeting if recipe.takeover == "error" else rng.uniform(0.0, meeting)
         self._astray = rng.uniform(*ASTRAY) if recipe.takeover == "error" else np.inf
@@ -94,7 +119,7 @@ class _Turn:
 
     def take(self) -> list[Floats]:
         """Let the policy act until the expert's turn; what the expert would have commanded (A,), frame by frame."""
-        setup = blind(self._recipe) if self._asked.sees_truth else self._recipe.setup
+        setup = _shown(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()
         try:

@@ -28,6 +28,7 @@ def show(episode: Path, page: Path) -> Path:
             "target": f"{meta.target} ({meta.objects[meta.target].description})",
             "handled": f"{meta.manipulated} ({meta.objects[meta.manipulated].description})",
             "arms": ", ".join(f"{role} {side}" for role, side in meta.arms.items()),
+            "acts": f"{meta.corrects}, then the reactive expert" if meta.corrects else f"the {meta.expert} expert",
             "meeting planned": f"{meta.meeting_time:.2f} s",
             "target's speed": f"{meta.average_speed:.3f} m/s on average, {meta.maximum_speed:.3f} at most",
             "physics": meta.physics_id,

@@ -77,16 +77,15 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
 
     Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to
-    correct cannot be made, Busy if another command writes the dataset, NoRenderer without Vulkan, EngineError if workers cannot be
-    started or keep dying.
+    correct cannot be made or was made for another setup, Busy if another command writes the dataset, NoRenderer without Vulkan,
+    EngineError if workers cannot be started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)
     if recipe.corrections and not dataset.manifest.exists():
-        from pipeline.evaluate.asking import load_once  # policies take a second to import
-        from pipeline.evaluate.policies import policy_name
+        from pipeline.evaluate.correct import check_policy  # policies take a second to import
 
-        load_once(policy_name(recipe.corrections.policy))
+        check_policy(recipe)
     # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
     with session(pool) if pool.address and not dataset.manifest.exists() else nullcontext():
         dataset.create(recipe)

@@ -107,13 +107,25 @@ class Broken:
 make_policy = Broken
 """
 
+LEAVING = """
+import os
+class Policy:
+    def reset(self, start):
+        pass
+    def act(self, observation):
+        os._exit(0)
+def make_policy():
+    return Policy()
+"""
 
-def test_a_policy_without_an_answer_is_a_failure_with_a_reason(scene, motion, tmp_path):
+
+@pytest.mark.parametrize(("code", "said"), [(BROKEN, r"shape|finite"), (LEAVING, r"exit code 0")])
+def test_a_policy_without_an_answer_is_a_failure_with_a_reason(scene, motion, tmp_path, code, said):
     path = tmp_path / "broken.py"
-    path.write_text(BROKEN)
+    path.write_text(code)
     corrections = named_policy(Corrections(policy=str(path)))
     recipe = Recipe(corrections=corrections, cameras=("head",), size=(32, 24), render="raster-fast")
-    with pytest.raises(Failure, match=r"shape|finite") as raised:
+    with pytest.raises(Failure, match=said) as raised:
         Correction(recipe)(scene, motion, MEETING)
     assert raised.value.reason == "policy_failed"
 

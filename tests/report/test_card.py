@@ -143,7 +143,7 @@ def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(tmp_pa
     described = json.loads((out / "croissant.json").read_text())
     for said in (text, json.dumps(described)):
         assert ("know the target's motion in advance" in said) == (meta == {})
-        assert ("see the target's poses up to each moment and nothing of its future" in said) == (meta != {})
+        assert ("nothing of its future but which arm is to act" in said) == (meta != {})
         assert ("`intervention` is false" in said) == ("static@1" in said) == (corrected > 0)
     assert any("`action` where `intervention`" in use for use in described["rai:dataUseCases"]) == (corrected > 0)
 

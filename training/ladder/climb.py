@@ -159,16 +159,29 @@ def _image_rows(ladder: Ladder, task: str, out: Path, run: Runner, tell: Callabl
 
 def _demonstrations(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:
     """What networks of states learn from before the first round. Raises LadderError if there is nothing."""
+    source = recipe if ladder.data is None else Dataset(ladder.data).recipe()
+    corrections = [
+        demonstration for root in dict.fromkeys(ladder.corrections) for demonstration in _corrections(root, recipe, source)
+    ]
     shown = _make(ladder, recipe, out, run) if ladder.data is None else list(read_demonstrations(ladder.data, recipe.cells()))
-    for dataset in ladder.corrections:
-        if not Dataset(dataset).recipe().corrections:
-            raise LadderError(
-                f"--corrections {dataset}: holds no corrections; give it as --data, or make some with `build --corrections`"
-            )
-        shown += read_demonstrations(dataset, recipe.cells())
+    shown += corrections
     if not shown:
         raise LadderError(f"{recipe.tasks[0]}: there is no demonstration to learn from; give --data a dataset that has some")
     return shown
+
+
+def _corrections(root: Path, recipe: Recipe, source: Recipe) -> list[Demonstration]:
+    """The corrections that a dataset holds of a recipe's cells. Raises LadderError if there are none, or if their physics or frame
+    rate is not that of `source`, the recipe of the demonstrations."""
+    held, where = Dataset(root).recipe(), f"--corrections {root}"
+    if not held.corrections:
+        raise LadderError(f"{where}: holds no corrections; give it as --data, or make some with `build --corrections`")
+    if held.physics != source.physics:
+        raise LadderError(f"{where}: was made with {held.physics.label}, the demonstrations with {source.physics.label}")
+    found = list(read_demonstrations(root, recipe.cells()))
+    if not found:
+        raise LadderError(f"{where}: holds no episode of {recipe.tasks[0]} with this robot, levels and alpha")
+    return found
 
 
 def _make(ladder: Ladder, recipe: Recipe, out: Path, run: Runner) -> list[Demonstration]:

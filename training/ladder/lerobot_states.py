@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.adapters.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy
+from pipeline.evaluate.adapters.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy, silence_torchcodec
 from pipeline.evaluate.case import Case
 from pipeline.evaluate.policy import Observation
 from pipeline.evaluate.trial import Trial
@@ -59,6 +59,7 @@ def state_dataset(shown: Sequence[Demonstration], settings: Settings, where: Pat
 
 
 def _write(episodes: Sequence[dict[str, Any]], fps: int, embodiment: str, task: str, out: Path) -> None:
+    silence_torchcodec()
     from datasets.utils.logging import disable_progress_bar
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 

@@ -135,10 +135,14 @@ class LerobotForm:
         return policy
 
 
+def silence_torchcodec() -> None:
+    """Keep LeRobot from printing a page of errors without FFmpeg, where nothing reads videos."""
+    logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
+
+
 def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:
     """The policy of this kind and its processors, by lerobot's factory."""
-    # a page of errors about torchcodec without FFmpeg: a policy reads no videos
-    logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
+    silence_torchcodec()
     from lerobot.configs.policies import PreTrainedConfig
     from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 

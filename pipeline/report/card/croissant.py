@@ -77,7 +77,7 @@ def _rai(seen: Sequence[Seen], summary: Mapping[str, Any]) -> dict[str, Any]:
     intended, unintended = uses(seen, summary)
     made = "A scripted expert acts on a target whose motion is computed backwards from the moment of the meeting (SAPIEN physics)."
     if policy := seen[0].meta.corrects:
-        made += f" Before it, the policy {policy} acts."
+        made += f" The policy {policy} acts until the expert takes over."
     judged = "failed the named conditions of its task" if is_failures(summary) else "met the named conditions of its task"
     return {
         "rai:dataCollection": f"{made} Each attempt was judged from its state log and {judged}.",

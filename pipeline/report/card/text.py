@@ -267,7 +267,7 @@ def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
     rows += [[name, version] for name, version in made.get("packages", {}).items()]
     rows += [[f"licence of {name}", licence] for name, licence in licences_in(made).items()]
     recipe = place.manifest.read_text().strip() if place.manifest.exists() else ""
-    stages = "a dry run, the back-calculation of the target's motion, and a synchronised replay"
+    stages = "a dry run, the back-calculation of the target's motion, and a rollout in which it moves"
     said = f"every episode went through {stages}, whose success was judged from its state log"
     if is_failures(summary):
         said = f"an attempt goes through {stages}; these failed in one of them"

@@ -30,15 +30,14 @@ SIMULATED = (
 )
 EXPERTS = {
     "planned": "that know the target's motion in advance",
-    "reactive": "that see the target's poses up to each moment and nothing of its future",
+    "reactive": "that see the target's poses up to each moment, and know nothing of its future but which arm is to act",
 }
 CORRECTED = (
-    "A policy acts first in every episode. `intervention` is false (0) there and true (1) where the expert acts. "
-    "`expert_action` is the expert's action at every frame, also where the policy acts."
+    "A policy acts first in every episode. `intervention` is false (0) until the expert takes over, also while `perturb` "
+    "holds or pushes the robot. From then on it is true (1). "
+    "`expert_action` is the expert's action at every frame."
 )
-NOT_POLICY = (
-    "Imitating `action` where `intervention` is false: it is the policy's. Learn from the other frames, or from `expert_action`."
-)
+NOT_POLICY = "Imitating `action` where `intervention` is false: it is not the expert's. The other frames teach, or `expert_action`."
 LIMITS = (
     SIMULATED,
     "Demonstrations come from scripted experts {knowing}; nobody teleoperated a robot. Failed "

@@ -219,7 +219,12 @@ def test_what_a_policy_did_before_a_correction_is_not_imitated(built, tmp_path, 
     with pytest.raises(LadderError, match="holds no corrections"):
         climb(ladder, tmp_path, inline)
     corrected = Recipe(tasks=("click_bell",), corrections=Corrections(policy="static", label="static"))
+    monkeypatch.setattr(Dataset, "recipe", lambda self: corrected.override({"fps": 30}))
+    with pytest.raises(LadderError, match=r"was made with strict-30hz, the demonstrations with strict$"):
+        climb(replace(ladder, data=None), tmp_path, inline)
     monkeypatch.setattr(Dataset, "recipe", lambda self: corrected)
+    with pytest.raises(LadderError, match="holds no episode of press_stapler with this robot, levels and alpha"):
+        climb(replace(ladder, data=None, recipe=Recipe(tasks=("press_stapler",))), tmp_path, inline)
     with pytest.raises(LadderError, match="holds corrections, whose first frames show a policy's actions"):
         lerobot_dataset(built, corrected.cells(), tmp_path)
     assert not list(tmp_path.glob("**/meta"))
