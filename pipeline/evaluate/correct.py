@@ -82,14 +82,14 @@ class Correction:
 def check_policy(recipe: Recipe) -> None:
     """Make the policy that a recipe corrects, and compare its contract. Raises PolicyError if either fails."""
     try:
-        asked = _asked(recipe)
+        asked = _ask_policy(recipe)
         for robot in recipe.embodiments:
-            check_contract(asked.policy, start_of(get_embodiment(robot), _shown(asked, recipe), ""))
+            check_contract(asked.policy, start_of(get_embodiment(robot), _choose_setup(asked, recipe), ""))
     except PolicyError as error:
         raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
 
 
-def _asked(recipe: Recipe) -> Asked:
+def _ask_policy(recipe: Recipe) -> Asked:
     """The recipe's policy. Raises PolicyError if it cannot be made or has changed."""
     corrections = recipe.corrections
     if corrections is None:
@@ -100,7 +100,7 @@ def _asked(recipe: Recipe) -> Asked:
     return Asked(name)
 
 
-def _shown(asked: Asked, recipe: Recipe) -> Setup:
+def _choose_setup(asked: Asked, recipe: Recipe) -> Setup:
     """The setup in which the policy acts: one that is shown the simulation sees no images."""
     return blind(recipe) if asked.sees_truth else recipe.setup
 
@@ -110,7 +110,7 @@ class _Turn:
 
     def __init__(self, recipe: Recipe, trial: Trial, actor: ReactiveActor, case: Case) -> None:
         self._trial, self._actor, self._recipe = trial, actor, recipe
-        self._asked, self._case, meeting = _asked(recipe), case, case.meeting
+        self._asked, self._case, meeting = _ask_policy(recipe), case, case.meeting
         rng = trial.scene.spec.rng("takeover")
         self._last = LATE * meeting if recipe.takeover == "error" else rng.uniform(0.0, meeting)
         self._astray = rng.uniform(*ASTRAY) if recipe.takeover == "error" else np.inf
@@ -119,7 +119,7 @@ class _Turn:
 
     def take(self) -> list[Floats]:
         """Let the policy act until the expert's turn; what the expert would have commanded (A,), frame by frame."""
-        setup = _shown(self._asked, self._recipe)
+        setup = _choose_setup(self._asked, self._recipe)
         eyes = Eyes(self._trial.scene, setup) if setup.cameras else None
         words, labels = instruction_of(self._trial.scene, "seen"), list[Floats]()
         try:

@@ -136,7 +136,7 @@ class LerobotForm:
 
 
 def silence_torchcodec() -> None:
-    """Keep LeRobot from printing a page of errors without FFmpeg, where nothing reads videos."""
+    """Keep LeRobot from printing a page of errors about video decoders that are not needed."""
     logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
 
 
