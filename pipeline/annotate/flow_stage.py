@@ -25,7 +25,7 @@ class FlowStage:
     render: Render | None = None
 
     name = "flow"
-    version = 1
+    version = 2
     uses_models = False
 
     def parameters(self) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 OpenCV picks SIMD kernels by CPU at run time; its AVX2 kernels use fused multiply-add, so Farneback differs in the last bits
 (7e-6 px measured) between machines. With `cv2.setUseOptimized(False)` only the compiled-in baseline (SSE3) runs, IPP and OpenCL
-are off, and at 64x64 the calls we make are no slower. Threads change nothing here, but one per process is set anyway, because
-workers share the machine.
+are off, and at 64x64 the calls we make are no slower. One OpenCV thread a process is set as well, because workers share the
+machine.
 
 Guaranteed: the same opencv-python-headless release on any x86-64 CPU gives the same bytes (tests force other CPU features).
 Not guaranteed: another OpenCV release, or another architecture (aarch64 wheels are compiled with other baselines).
@@ -17,32 +17,49 @@ from dataclasses import dataclass, field
 import cv2
 
 
-@dataclass
-class _Depth:
-    """How many callers want stable results now; OpenCV's switch is one per process, so the count must be too."""
+class _Thread(threading.local):
+    """How deep a thread is inside `bit_stable`, and whether it used IPP before."""
 
-    count: int = 0
+    depth = 0
+    ipp = True
+
+
+@dataclass
+class _Process:
+    """How many threads are inside `bit_stable`, and what was set before the first came."""
+
+    inside: int = 0
     before: tuple[bool, int] = (True, 1)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
-_DEPTH = _Depth()
+_THREAD, _PROCESS = _Thread(), _Process()
 
 
 @contextmanager
 def bit_stable() -> Iterator[None]:
-    """While any thread is inside, OpenCV uses its baseline kernels and one thread; the last one out restores what was set."""
-    with _DEPTH.lock:
-        if _DEPTH.count == 0:
-            _DEPTH.before = (cv2.useOptimized(), cv2.getNumThreads())
+    """While inside, this thread computes with OpenCV's baseline kernels and one thread.
+
+    The choice of kernels is the process's: the last thread out restores it. The switches of IPP and OpenCL belong to a
+    thread, so every thread sets its own on its way in and restores it on its way out.
+    """
+    if _THREAD.depth == 0:
+        with _PROCESS.lock:
+            if _PROCESS.inside == 0:
+                _PROCESS.before = (cv2.useOptimized(), cv2.getNumThreads())
+            _PROCESS.inside += 1
+            _THREAD.ipp = cv2.ipp.useIPP()
             cv2.setUseOptimized(False)
             cv2.setNumThreads(1)
-        _DEPTH.count += 1
+    _THREAD.depth += 1
     try:
         yield
     finally:
-        with _DEPTH.lock:
-            _DEPTH.count -= 1
-            if _DEPTH.count == 0:
-                cv2.setUseOptimized(_DEPTH.before[0])
-                cv2.setNumThreads(_DEPTH.before[1])
+        _THREAD.depth -= 1
+        if _THREAD.depth == 0:
+            with _PROCESS.lock:
+                _PROCESS.inside -= 1
+                if _PROCESS.inside == 0:
+                    cv2.setUseOptimized(_PROCESS.before[0])
+                    cv2.setNumThreads(_PROCESS.before[1])
+                cv2.ipp.setUseIPP(_THREAD.ipp)
