@@ -15,8 +15,8 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.intake.robots.place import Scan, lines, measure
 from pipeline.poses import pose, quat_about, quat_multiply
-from pipeline.run.robots.place import Scan, lines, measure
 from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Embodiment
 

@@ -17,9 +17,9 @@ from benchmarks.hardware import hardware
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.intake.objects.add import Options, add_object
+from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
-from pipeline.run.objects.add import Options, add_object
-from pipeline.run.plugins import load_plugins, use_plugins
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.objects.contract import FAMILIES

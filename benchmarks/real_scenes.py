@@ -17,8 +17,8 @@ from pipeline.data.cameras import CameraType, framed
 from pipeline.data.names import CAMERAS
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
+from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
-from pipeline.run.plugins import load_plugins, use_plugins
 from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.stages.redraw import FACING, FILMED, facing

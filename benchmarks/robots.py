@@ -19,7 +19,7 @@ from pathlib import Path
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.run.robots.add import Options, add_robot
+from pipeline.intake.robots.add import Options, add_robot
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.robots import register

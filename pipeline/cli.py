@@ -24,7 +24,7 @@ from pipeline.commands.inspect import doctor, status, verify
 from pipeline.commands.manage import diff, gc, merge, regenerate
 from pipeline.commands.show import show, view
 from pipeline.commands.stores import on_stores
-from pipeline.run.plugins import PluginError, announced_verbs, load_plugins, use_plugins
+from pipeline.plugins import PluginError, announced_verbs, load_plugins, use_plugins
 
 VERBS = (
     *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, compare, paper_table, serve_policy),

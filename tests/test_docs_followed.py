@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.intake.objects.meshes import mug_file, robotwin_mug
 from tests.run.command import ROOT, build
-from tests.run.objects.meshes import mug_file, robotwin_mug
 from tests.run.processes import wait_for
 
 pytestmark = pytest.mark.slow

@@ -27,7 +27,7 @@ def tasks(as_json: AsJson = False) -> None:
 
 def embodiments(as_json: AsJson = False) -> None:
     """List the robots."""
-    from pipeline.run.catalogue.robots import listing
+    from pipeline.intake.catalogue.robots import listing
 
     values = listing()
     headers = ("robot", "vector width", "reach (m)", "opening (m)", "cameras", "also called")
@@ -45,7 +45,7 @@ def motions(
     paths: Annotated[Path | None, typer.Option(help="Write a PNG with paths of every model here.")] = None, as_json: AsJson = False
 ) -> None:
     """List the models of motions."""
-    from pipeline.run.catalogue.motions import listing, write_paths
+    from pipeline.intake.catalogue.motions import listing, write_paths
 
     check_file(paths, "--paths", "an image", ".png")
     values = listing()
@@ -75,8 +75,8 @@ def check_task(
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 if it does not."""
+    from pipeline.intake.check_task import check_task as check
     from pipeline.motion.models import levels_of
-    from pipeline.run.check_task import check_task as check
     from pipeline.run.names import unknown_name
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import get_embodiment
@@ -98,7 +98,7 @@ def check_object(
     as_json: AsJson = False,
 ) -> None:
     """Check that an object family or an object from files keeps its contract; exit code 1 if it does not."""
-    from pipeline.run.catalogue.object_check import check_object as check
+    from pipeline.intake.catalogue.object_check import check_object as check
     from pipeline.run.names import unknown_name
     from pipeline.world.objects import FAMILIES
 
@@ -106,7 +106,7 @@ def check_object(
     if names[0] not in FAMILIES:
         raise UsageError(unknown_name("object family", name, FAMILIES))
     if images is not None:
-        from pipeline.run.catalogue.gallery import write_portrait
+        from pipeline.intake.catalogue.gallery import write_portrait
 
         for each in names:
             write_portrait(each, images / f"{each}.png")
@@ -126,7 +126,7 @@ def objects(
     """List the object families, or draw them."""
     if context.invoked_subcommand is not None:
         return
-    from pipeline.run.catalogue.objects import listing
+    from pipeline.intake.catalogue.objects import listing
     from pipeline.world.objects import FAMILIES
 
     check_file(gallery, "--gallery", "a page", ".html")
@@ -137,7 +137,7 @@ def objects(
     if unknown:
         raise UsageError(f"no object family {unknown[0]!r}: families are {', '.join(sorted(FAMILIES))}")
     if gallery is not None:
-        from pipeline.run.catalogue.gallery import write_gallery
+        from pipeline.intake.catalogue.gallery import write_gallery
 
         write_gallery(gallery, names)
     described = listing(names)
@@ -179,9 +179,9 @@ def objects_add(
     ] = None,
 ) -> None:
     """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the frames of its family."""
-    from pipeline.run.catalogue.object_check import check_object
-    from pipeline.run.objects.add import Options, add_object, notes
-    from pipeline.run.objects.robotwin import add_robotwin, is_robotwin
+    from pipeline.intake.catalogue.object_check import check_object
+    from pipeline.intake.objects.add import Options, add_object, notes
+    from pipeline.intake.objects.robotwin import add_robotwin, is_robotwin
 
     options = Options(name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within)
     added = add_robotwin(source, options) if is_robotwin(source) else [add_object(source, options)]
@@ -208,7 +208,7 @@ def robots_add(
     flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
 ) -> None:
     """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
-    from pipeline.run.robots.add import Options, add_robot, notes
+    from pipeline.intake.robots.add import Options, add_robot, notes
 
     directory = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange))
     print("\n".join(notes(directory)))
@@ -221,8 +221,8 @@ def check_robot(
     as_json: AsJson = False,
 ) -> None:
     """Check that a robot can do its work; exit code 1 if a clause does not hold."""
+    from pipeline.intake.robots.check import check_robot as check
     from pipeline.run.names import unknown_name
-    from pipeline.run.robots.check import check_robot as check
     from pipeline.tasks.contract import TASKS, expand_tasks
     from pipeline.world.robots import canonical_name
 

@@ -18,9 +18,9 @@ MOST_FRAMES = 100_000  # more than any episode has
 
 def status(dataset: Root, as_json: AsJson = False) -> None:
     """Show what a dataset holds and what went wrong."""
-    from pipeline.run.reasons import Reason
     from pipeline.run.state import redo_lines
     from pipeline.run.status import status as run_status
+    from pipeline.stages.reasons import Reason
 
     values = run_status(Dataset(dataset))
     lines = [

@@ -15,8 +15,8 @@ from pipeline.data.names import NONE
 from pipeline.data.parsing import show_value
 from pipeline.data.recipe.model import Recipe, RecipeError, check_size, parse_recipe
 from pipeline.data.rules import Corrections, Sight
+from pipeline.intake.own_tasks import check_task
 from pipeline.motion.models import MODELS, levels_of
-from pipeline.run.own_tasks import check_task
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import DOMINO, expand_tasks, suites
@@ -109,7 +109,7 @@ def with_originals(recipe: Recipe) -> Recipe:
     """
     if recipe.assets is None:
         return recipe
-    from pipeline.run.objects.originals import provide  # trimesh takes a second
+    from pipeline.intake.objects.originals import provide  # trimesh takes a second
 
     found = provide(recipe.assets, drawn_families(recipe))
     for note in found.ungraspable:
@@ -129,7 +129,7 @@ def add_originals(recipe: Recipe) -> None:
     """Add the original's objects that a stored recipe names, where this process lacks them. Raises RecipeError."""
     named = {name for names in recipe.objects.values() for name in names}
     if recipe.assets is not None and named - set(FAMILIES) and not set(recipe.tasks) - set(TASKS):
-        from pipeline.run.objects.originals import provide  # trimesh takes a second
+        from pipeline.intake.objects.originals import provide  # trimesh takes a second
 
         provide(recipe.assets, drawn_families(recipe))
 

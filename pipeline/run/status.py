@@ -14,8 +14,8 @@ from pipeline.data.ledger.table import ONE
 from pipeline.data.pairs import pairs_in
 from pipeline.run.floor import stops_in
 from pipeline.run.names import installed_recipe
-from pipeline.run.reasons import reasons_in
 from pipeline.run.state import redo_rows, redone
+from pipeline.stages.reasons import reasons_in
 
 _READ = ("seed", "outcome", "stage", "reason", "detail", "conditions")
 """Columns of the attempts that are read: what the ledger's entries are judged by, and what the reasons of failures are made of."""

@@ -11,9 +11,9 @@ from pipeline.data.keys import Key
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
-from pipeline.run.reasons import reasons_in
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, entry_states, read_states, states
 from pipeline.run.status import status
+from pipeline.stages.reasons import reasons_in
 
 RECIPE = recipe_from(
     {

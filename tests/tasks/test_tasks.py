@@ -12,9 +12,9 @@ from pipeline.data.findings import Finding
 from pipeline.data.names import SIDES
 from pipeline.data.setup import DEFAULT
 from pipeline.data.spec import EpisodeSpec
+from pipeline.intake.check_task import check_task
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import transform
-from pipeline.run.check_task import check_task
 from pipeline.stages.attempt import attempt
 from pipeline.stages.back_calculate import back_calculate
 from pipeline.stages.dry_run import dry_run
@@ -105,9 +105,9 @@ def attempts(monkeypatch):
         return done
 
     monkeypatch.setattr("pipeline.stages.attempt.dry_run", dry_run_once)
-    monkeypatch.setattr("pipeline.run.check_task.attempt", noting_attempt)
+    monkeypatch.setattr("pipeline.intake.check_task.attempt", noting_attempt)
     for part, found in (("_determinism", Finding("determinism", True, "")), ("_layouts", ()), ("_faulty_instruction", None)):
-        monkeypatch.setattr(f"pipeline.run.check_task.{part}", lambda *_, found=found: found)
+        monkeypatch.setattr(f"pipeline.intake.check_task.{part}", lambda *_, found=found: found)
     return noted
 
 

@@ -14,7 +14,7 @@ import json, time
 from pipeline.world.vulkan import ensure_renderer
 device = ensure_renderer()
 import numpy as np
-from pipeline.run.catalogue.gallery import portrait
+from pipeline.intake.catalogue.gallery import portrait
 from pipeline.world.objects import FAMILIES
 began = time.perf_counter()
 image = portrait(FAMILIES["ball"].draw(np.random.Generator(np.random.Philox(0))), size=(160, 120), preset="raster-fast")

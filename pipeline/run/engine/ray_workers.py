@@ -17,10 +17,10 @@ import ray
 from ray.exceptions import RayError, RayTaskError, TaskCancelledError
 
 from pipeline.data.errors import DominoError
+from pipeline.plugins import Snapshot
 from pipeline.run.engine.guard import find_children
 from pipeline.run.engine.pool import Check, Died, Done, EngineError, Limit, Make, Pool
 from pipeline.run.engine.ray_session import session
-from pipeline.run.plugins import Snapshot
 
 _START_SECONDS = 300.0
 """What a new worker may take before it can be given a job: a place on the cluster, a process, imports."""

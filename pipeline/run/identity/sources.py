@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pipeline
-from pipeline.run.plugins import outside_modules
+from pipeline.plugins import outside_modules
 
 PACKAGE = pipeline.__name__
 

@@ -1,0 +1,1 @@
+"""Files of others become robots, objects and tasks of ours: readers, placement, checks, catalogue pages."""

@@ -1,0 +1,197 @@
+"""Where two fingers can hold an object: opposite sides found by lines through its convex pieces, with room for a hand.
+
+Every line runs along a horizontal opening direction. It gives the whole width, and the first wall of what is hollow. The
+pads' sides must face each other, and the material must be as wide a little above, below and beside. Neither fingers nor palm may be
+in it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.intake.objects.solid import bounds, inside, planes
+from pipeline.world.objects.contract import Grasp
+from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, pinches
+from pipeline.world.shapes import Collider
+
+OPENINGS = 16  # directions in the half circle
+PITCHES = np.radians([0, 15, 30, 45, 60, 75, 90])
+SPACING = 0.006  # m between lines, at least
+LINES = 24  # per edge of the outline, at most
+WIDEST = 0.072  # m
+FACING = np.cos(np.radians(28))  # friction holds on sides that face each other within this
+PAD, EVEN = 1, 0.004  # neighbours of a line that must be as wide, within m
+FINGER = (0.002, 0.008, 0.014)  # m beyond the pads where a finger is
+LOW = 0.022  # m: below, the tcp stays back so that fingers keep off the table
+FROM_ABOVE = np.radians(45)  # how steeply a wall is taken at least
+SEAM, HOLLOW = 0.0005, 0.02  # m between pieces that touch, and behind a wall that a finger goes behind
+TIP, TABLE = 0.012, 0.004  # m the fingers reach past the tcp, and stay above the table
+KEPT = 160
+
+type Floats = NDArray[np.float64]
+type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
+
+
+def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
+    """Grasps of an object in its standing frame, spread over it; none if nothing is narrow enough."""
+    halves, around = np.pi * np.arange(OPENINGS) / OPENINGS, 2 * np.pi * np.arange(OPENINGS) / OPENINGS
+    found = [row for angle in halves for row in _along(pieces, float(angle), _spans, 0.0)]
+    found += [row for angle in around for row in _along(pieces, float(angle), _walls, FROM_ABOVE)]
+    if not found:
+        return ()
+    rows = np.array([(*p, *a, *o, w) for p, a, o, w in found])
+    chosen = _spread(rows, bounds(pieces))
+    return tuple(pinches([(row[:3], row[3:6], row[6:9])], row[9])[0] for row in rows[chosen])
+
+
+def _along(
+    pieces: Sequence[Collider], angle: float, spans: Callable[..., Spans], least: float
+) -> Iterator[tuple[Floats, Floats, Floats, float]]:
+    """Tcp position, approach, opening and width of grasps that open in one direction, pitched down by `least` (rad) or more."""
+    opening, level = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+    box = bounds(pieces)
+    corners = np.concatenate([one.support_points() for one in pieces]) @ level
+    s = _steps(corners.min(), corners.max())
+    z = _steps(0.0, box[1, 2])
+    grid = np.stack(np.meshgrid(s, z, indexing="ij"), -1)
+    origins = grid[..., :1] * level + grid[..., 1:] * [0, 0, 1]
+    lower, upper, facing = spans(pieces, origins.reshape(-1, 3), opening)
+    shape = grid.shape[:2]
+    lower, upper, facing = lower.reshape(shape), upper.reshape(shape), facing.reshape(shape)
+    width = upper - lower
+    good = (width > 0.002) & (width <= WIDEST) & facing & _even(lower) & _even(upper)
+    for i, k in np.argwhere(good):
+        at = origins[i, k] + opening * (lower[i, k] + upper[i, k]) / 2
+        for approach in _approaches(level, float(at[2]), float(box[1, 2])):
+            if -approach[2] < np.sin(least) - 1e-6:
+                continue
+            tcp = _room(pieces, at, approach, opening, float(width[i, k]))
+            if tcp is not None:
+                yield tcp, approach, opening, float(width[i, k])
+
+
+def pinch_at(pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats) -> Grasp | None:
+    """The grasp with this approach and opening on the line through `at` (3,); None without material, or without room for a hand.
+
+    The tcp lies in the middle of the material, or back from it as far as the hand needs.
+    """
+    lower, upper, _ = (float(each[0]) for each in _spans(pieces, at[None], opening))
+    if not 0.002 < upper - lower <= WIDEST:
+        return None
+    tcp = _room(pieces, at + opening * (lower + upper) / 2, approach, opening, upper - lower)
+    return None if tcp is None else pinches([(tcp, approach, opening)], upper - lower)[0]
+
+
+def _steps(low: float, high: float) -> Floats:
+    count = int(np.clip((high - low) / SPACING, 3, LINES))
+    return low + (np.arange(count) + 0.5) / count * (high - low)
+
+
+def _approaches(level: Floats, height: float, top: float) -> Iterator[Floats]:
+    for pitch in PITCHES:
+        tip = height - TIP * np.sin(pitch)
+        if tip < TABLE or (pitch > 0 and height - 0.010 * np.sin(pitch) > top - 0.002):
+            continue
+        for side in (1, -1) if pitch < PITCHES[-1] else (1,):
+            yield side * level * np.cos(pitch) - np.array([0, 0, np.sin(pitch)])
+
+
+def _spans(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
+    """Where lines (N) enter and leave the pieces together, m along `direction`; inf and -inf for those that miss.
+
+    Also whether the sides there face each other along it.
+    """
+    lower, upper, enter, leave = _through(pieces, origins, direction)
+    first, last = lower.argmin(0), upper.argmax(0)
+    n = np.arange(len(origins))
+    return lower[first, n], upper[last, n], (enter[first, n] > FACING) & (leave[last, n] > FACING)
+
+
+def _walls(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> Spans:
+    """As `_spans`, of the first wall that a line meets where there is a hollow behind it; inf and -inf for other lines."""
+    lower, upper, enter, leave = _through(pieces, origins, direction)
+    n, order = np.arange(len(origins)), lower.argsort(0)
+    starts, ends = np.take_along_axis(lower, order, 0), np.take_along_axis(upper, order, 0)
+    last, reach = order[0].copy(), ends[0].copy()
+    joined = np.isfinite(starts[0])
+    for start, end, number in zip(starts[1:], ends[1:], order[1:], strict=True):
+        joined = joined & (start <= reach + SEAM)
+        further = joined & (end > reach)
+        last[further], reach[further] = number[further], end[further]
+    beyond = np.where(starts > reach + SEAM, starts, np.inf).min(0)
+    hollow = np.isfinite(beyond) & (beyond - reach > HOLLOW)
+    facing = hollow & (enter[order[0], n] > FACING) & (leave[last, n] > FACING)
+    return np.where(hollow, starts[0], np.inf), np.where(hollow, reach, -np.inf), facing
+
+
+def _through(pieces: Sequence[Collider], origins: Floats, direction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Where lines (N) enter and leave each piece (K,N), m along `direction`, and how its sides face there (cosines)."""
+    lower, upper = np.full((len(pieces), len(origins)), np.inf), np.full((len(pieces), len(origins)), -np.inf)
+    enter, leave = np.zeros(lower.shape), np.zeros(lower.shape)
+    for k, one in enumerate(pieces):
+        normals, offsets = planes(one)
+        slope, distance = normals @ direction, origins @ normals.T + offsets
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = -distance / slope
+        first = np.where(slope < -1e-9, t, -np.inf)
+        last = np.where(slope > 1e-9, t, np.inf)
+        a, b = first.max(1), last.min(1)
+        hit = (a < b) & ~((np.abs(slope) <= 1e-9) & (distance > 0)).any(1)
+        lower[k, hit], enter[k, hit] = a[hit], -slope[first.argmax(1)][hit]
+        upper[k, hit], leave[k, hit] = b[hit], slope[last.argmin(1)][hit]
+    return lower, upper, enter, leave
+
+
+def _even(side: Floats) -> NDArray[np.bool_]:
+    """Where three of the four neighbours of a line end as it does."""
+    padded = np.pad(side, PAD, constant_values=np.inf)
+    near = [padded[1 + i : 1 + i + side.shape[0], 1 + k : 1 + k + side.shape[1]] for i, k in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    with np.errstate(invalid="ignore"):
+        return np.sum([np.abs(other - side) < EVEN for other in near], axis=0) >= 3
+
+
+def _room(pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats, width: float) -> Floats | None:
+    """The tcp (3,) of a grasp at `at` whose fingers and palm have room; None where there is none."""
+    across = np.cross(approach, opening)
+    low = at[2] < LOW
+    for retreat in sorted(RETREATS, reverse=low):
+        tcp = at - retreat * approach
+        if not inside(pieces, _hand(width) @ np.stack([approach, opening, across]) + tcp).any():
+            return tcp
+    return None
+
+
+def _hand(width: float) -> Floats:
+    """Points (N,3) of two fingers and the palm in the tcp's frame."""
+    points, sides = _hand_at_rest()
+    return points + sides * width / 2
+
+
+@cache
+def _hand_at_rest() -> tuple[Floats, Floats]:
+    """The points (N,3) of a closed hand, and how they move (N,3) for each metre that a finger opens."""
+    deep, thick = np.linspace(-PALM, TIP, 13), (-0.007, 0.0, 0.007)
+    fingers = [(x, side * out, t, side) for x in deep for side in (-1, 1) for out in FINGER for t in thick]
+    palm = [
+        (-PALM - back, share * 0.016, t, share)
+        for back in (0.0, 0.02)
+        for share in (-1, -0.5, 0, 0.5, 1)
+        for t in (-HALF_PALM, 0, HALF_PALM)
+    ]
+    rows = np.array([*fingers, *palm])
+    return rows[:, :3], rows[:, 3:] * [0.0, 1.0, 0.0]
+
+
+def _spread(rows: Floats, box: Floats) -> NDArray[np.int64]:
+    """Rows that are kept: the one nearest to the middle first, then always the one most unlike those there are."""
+    size = float(np.linalg.norm(box[1] - box[0]))
+    places = np.concatenate([rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])], axis=1)
+    middle = (box[0] + box[1]) / 2
+    first = int(np.argmin(np.linalg.norm(rows[:, :3] - middle, axis=1)))
+    chosen, far = [first], np.linalg.norm(places - places[first], axis=1)
+    while len(chosen) < min(KEPT, len(rows)) and far.max() > 1e-6:
+        chosen.append(int(far.argmax()))
+        far = np.minimum(far, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return np.array(chosen)

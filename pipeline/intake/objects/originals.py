@@ -1,0 +1,164 @@
+"""`assets: robotwin:DIR`: the original's objects in place of our families, instance by instance as in its 35 tasks.
+
+The directory is that of RoboTwin-OD, `assets/objects` of a checkout or a directory that holds it. Each instance becomes an object's
+directory in the user's cache, once; what is cached is found again by the content of its files. The recipe names them as it names
+objects from files, with a key `task.family` where a task of the original has instances of its own.
+"""
+
+import csv
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from tqdm import tqdm
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.keys import digest, file_hash
+from pipeline.data.recipe.model import RecipeError
+from pipeline.data.store.user_cache import user_cache
+from pipeline.intake.objects.add import Options, write_object
+from pipeline.intake.objects.robotwin import VERSION, Instance, described_in, draft_of_instance, instances
+from pipeline.intake.objects.standing import first_of
+from pipeline.plugins import use_plugins
+from pipeline.world.objects.from_files import TOML, ObjectError, add_all
+
+SCHEME = "robotwin:"
+REFUSED = "refused.txt"
+NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a hand"
+
+
+class Model(NamedTuple):
+    """A directory of RoboTwin-OD and its instances that tasks use; all that there are if none are named.
+
+    `held` is False for goals and for what is only pressed, which need no grasp. `scale` is that of files which give none.
+    """
+
+    directory: str
+    ids: tuple[int, ...]
+    held: bool
+    scale: float
+
+
+def _read_models() -> dict[str, Model]:
+    with Path(__file__).with_name("originals.csv").open(newline="") as file:
+        return {
+            row["key"]: Model(row["directory"], tuple(map(int, row["ids"].split())), row["held"] == "yes", float(row["scale"]))
+            for row in csv.DictReader(file)
+        }
+
+
+MODELS: Mapping[str, Model] = _read_models()
+"""The original's models by the family that they stand for, and by `task.family` where they differ in single tasks.
+
+Blocks, pads and mats are boxes there, too; its cabinet and its kitchen pot are articulated, and ours take their places.
+"""
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """An instance that is to stand for a family, under a key of `objects`."""
+
+    key: str
+    family: str
+    model: Model
+    files: Instance
+
+    @property
+    def name(self) -> str:
+        """Its name as an object: the family, and the number of the model and of the instance."""
+        return f"{self.family}_{self.model.directory[:3]}_{self.files.number or 0}"
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where they are, and the objects by key of a recipe's `objects`. A line names each instance that no hand can grasp, or that
+    cannot be read."""
+
+    assets: str
+    objects: Mapping[str, tuple[str, ...]]
+    ungraspable: tuple[str, ...]
+    unreadable: tuple[str, ...]
+
+
+def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
+    """Add the original's objects for the families of these tasks (families by task), for this process and those that it starts.
+
+    Raises RecipeError if the directory holds none of them, or if nothing can be cached.
+    """
+    root, cache = _root(assets), user_cache("robotwin")
+    if cache is None:
+        raise RecipeError("assets: objects are kept in the user's cache, and there is no home: set DOMINO_DATA_CACHE")
+    wanted = [each for key in sorted(_keys(tasks)) for each in _instances(root, key)]
+    if not wanted:
+        raise RecipeError(f"assets: {root} holds no object for these tasks; name the directory assets/objects of RoboTwin")
+    objects, places = dict[str, list[str]](), dict[str, Path]()
+    ungraspable, unreadable = dict[str, str](), dict[str, str]()
+    for each in tqdm(wanted, desc="objects of RoboTwin-OD", disable=None, leave=False):
+        place = _make_object(each, cache / "items")
+        if (place / TOML).is_file():
+            objects.setdefault(each.key, []).append(each.name)
+            places[each.name] = place
+        else:
+            why = (place / REFUSED).read_text()
+            refused = ungraspable if why == NO_GRASP else unreadable
+            refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
+    plugins = cache / "sets" / digest([[name, str(place)] for name, place in sorted(places.items())])
+    (plugins / "objects").mkdir(parents=True, exist_ok=True)
+    for name, place in places.items():
+        _link(plugins / "objects" / name, place)
+    add_all(plugins / "objects")
+    use_plugins([str(plugins)])
+    found = {key: tuple(names) for key, names in objects.items()}
+    return Found(f"{SCHEME}{root.absolute()}", found, tuple(ungraspable.values()), tuple(unreadable.values()))
+
+
+def _root(assets: str) -> Path:
+    given = Path(assets.removeprefix(SCHEME))
+    for root in (given / "assets" / "objects", given / "objects", given):
+        if root.is_dir():
+            return root
+    raise RecipeError(f"assets: {given}: is no directory; name the directory assets/objects of RoboTwin")
+
+
+def _keys(tasks: Mapping[str, frozenset[str]]) -> Iterator[str]:
+    """The keys of `objects` that these tasks use."""
+    for task, families in tasks.items():
+        for family in families:
+            yield from [key for key in (f"{task}.{family}", family) if key in MODELS][:1]
+
+
+def _instances(root: Path, key: str) -> Iterator[_Wanted]:
+    model = MODELS[key]
+    found = sorted(instances(root / model.directory), key=lambda each: int(each.number or 0))
+    for each in found:
+        if not model.ids or int(each.number or 0) in model.ids:
+            yield _Wanted(key, key.rpartition(".")[2], model, each)
+
+
+def _make_object(wanted: _Wanted, cache: Path) -> Path:
+    """The directory of an instance as an object, or one that states why it is none."""
+    files, words = wanted.files, described_in(wanted.files)
+    read = [files.visual, files.solid, files.data, *([words] if words else [])]
+    place = cache / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]]) / wanted.name
+    if (place / TOML).is_file() or (place / REFUSED).is_file():
+        return place
+    options = Options(wanted.name, wanted.family, place.parent)
+    try:
+        draft = draft_of_instance(files, options, wanted.model.scale)
+        if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
+            raise ObjectError(NO_GRASP)
+    except ObjectError as error:
+        write_atomic(place / REFUSED, str(error).encode())
+    else:
+        write_object(draft, place)
+    return place
+
+
+def _link(link: Path, place: Path) -> None:
+    """Make a link, which another process may make at the same time."""
+    temporary = link.with_name(f".{link.name}.{os.getpid()}")
+    temporary.unlink(missing_ok=True)
+    temporary.symlink_to(place.absolute(), target_is_directory=True)
+    temporary.replace(link)

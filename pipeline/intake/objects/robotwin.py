@@ -1,0 +1,183 @@
+"""Objects of RoboTwin-OD as their directories are: meshes, scale, contact points as grasps, functional and target points as frames.
+
+A directory `NNN_name/` has instances i: `visual/base{i}.glb` and `collision/base{i}.glb`, `base{i}.glb` or `textured{i}.obj`, each
+with a `model_data{i}.json`; the only one of a directory may lack its number. Contact frames are unscaled, in the mesh's frame: the
+gripper comes against their y axis and opens along their z axis.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pipeline.data.parsing import ParseError, read_json
+from pipeline.intake.objects.add import Draft, Options, check_names, check_size, moved, settings_of, write_object
+from pipeline.intake.objects.holding import pinch_at, two_finger_grasps
+from pipeline.intake.objects.solid import solid_of
+from pipeline.intake.objects.source import drawn_parts, read_source, welded
+from pipeline.intake.objects.standing import first_of, kinds_like, stand_up
+from pipeline.poses import Pose, from_matrix, quat_rotate
+from pipeline.world.objects.contract import Grasp
+from pipeline.world.objects.from_files import ObjectError, Phrases, add_directory
+from pipeline.world.shapes import Collider
+
+VERSION = 1  # raise it when the same files give other objects: those in the user's cache are made again then
+MASS = 0.1  # kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
+
+ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)
+
+type Floats = NDArray[np.float64]
+
+
+class _Data(BaseModel):
+    """What is used of `model_data.json`."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+    scale: float | tuple[float, float, float] | None = None
+    contact_points_pose: tuple[Any, ...] = ()
+    functional_matrix: tuple[Any, ...] = ()
+    target_pose: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Instance:
+    """The files of one instance: its number ("" for the only one), what is drawn, what is solid, and its data."""
+
+    number: str
+    visual: Path
+    solid: Path
+    data: Path
+
+
+def is_robotwin(directory: Path) -> bool:
+    """Whether a directory holds an object in RoboTwin's layout."""
+    return directory.is_dir() and any(directory.glob("model_data*.json"))
+
+
+def add_robotwin(directory: Path, options: Options) -> list[Path]:
+    """Write an object for every instance, NAME or NAME_0, NAME_1 ...; their directories.
+
+    Raises ObjectError, one line; nothing is written then.
+    """
+    found = sorted(instances(directory), key=lambda each: int(each.number or 0))
+    if not found:
+        raise ObjectError(f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects are not read")
+    drafts = []
+    for each in found:
+        own = replace(options, name=options.name if len(found) == 1 else f"{options.name}_{each.number or 0}")
+        place = own.to / "objects" / own.name
+        check_names(own, place)
+        drafts.append((draft_of_instance(each, own), place))
+    for draft, place in drafts:
+        write_object(draft, place)
+        add_directory(place.resolve())
+    return [place for _, place in drafts]
+
+
+def instances(directory: Path) -> Iterator[Instance]:
+    """The instances of a directory."""
+    for data in directory.glob("model_data*.json"):
+        match = re.fullmatch(r"model_data([0-9]*)\.json", data.name)
+        if match is None:
+            continue
+        number = match[1]
+        names = [f"visual/base{number}.glb", f"base{number}.glb", f"textured{number}.obj"]
+        visual = next((directory / name for name in names if (directory / name).is_file()), None)
+        if visual is not None:
+            solid = directory / f"collision/base{number}.glb"
+            yield Instance(number, visual, solid if solid.is_file() else visual, data)
+
+
+def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -> Draft:
+    """The object of an instance; `unscaled` is the scale of files that give none. Raises ObjectError."""
+    data, noun = _read(each.data), first_of(options.family).words().noun
+    scale = np.broadcast_to(np.asarray(unscaled if data.scale is None else data.scale, float) * options.scale, 3)
+    scaled = np.diag([*scale, 1.0])
+    looks, solids = ([part.moved(scaled) for part in read_source(file, options.within)] for file in (each.visual, each.solid))
+    check_size(each.visual, looks)
+    mesh = welded(solids)
+    pieces = solid_of(np.asarray(mesh.vertices), np.asarray(mesh.faces), str(each.solid))
+    upright = stand_up(pieces, options.family, options.up, "y", str(each.visual))
+    solid = moved(pieces, upright)
+    grasps = contact_grasps(data, scale, upright, solid) or two_finger_grasps(solid)
+    settings = settings_of(
+        replace(options, mass=options.mass or (None if options.density else MASS), words=options.words or (noun,)),
+        *(solid, kinds_like(grasps, solid, options.family), f"robotwin:{each.data.parent.name}/{each.visual.name}"),
+    )
+    points = {f"functional_{i}": at for i, at in enumerate(_poses(data.functional_matrix, scale, upright))}
+    points |= {f"target_{i}": at for i, at in enumerate(_poses(data.target_pose, scale, upright))}
+    frames = {name: tuple(at.round(6).tolist()) for name, at in points.items()}
+    words = settings.words if options.words else _read_phrases(each, noun) or settings.words
+    return Draft(
+        settings.model_copy(update={"frames": settings.frames | frames, "words": words}),
+        drawn_parts([part.moved(upright) for part in looks]),
+        solid,
+    )
+
+
+def described_in(each: Instance) -> Path | None:
+    """The file of an instance's descriptions, where the directory is that of a checkout."""
+    model = each.data.parent.absolute()
+    file = model / "../../../description/objects_description" / model.name / f"base{each.number}.json"
+    return file if file.is_file() else None
+
+
+def _read_phrases(each: Instance, noun: str) -> Phrases | None:
+    """The words of an instance's descriptions without their articles; None without any."""
+    file = described_in(each)
+    try:
+        texts = {} if file is None else read_json(file)
+    except ParseError as error:
+        raise ObjectError(str(error)) from error
+    lists = [texts.get(key) if isinstance(texts, dict) else () for key in ("seen", "unseen")]
+    seen, unseen = (
+        tuple(dict.fromkeys(ARTICLE.sub("", text.strip()) for text in each if isinstance(text, str) and 0 < len(text) <= 80))
+        if isinstance(each, list)
+        else ()
+        for each in lists
+    )
+    return Phrases(noun=noun, seen=(noun, *seen), unseen=unseen or (noun,)) if seen else None
+
+
+def contact_grasps(data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]) -> tuple[Grasp, ...]:
+    """The contact points as grasps, as wide as the object is between the fingers; those for which no hand has room are left out."""
+    found = []
+    for at in _poses(data.contact_points_pose, scale, upright):
+        y, z = quat_rotate(at[3:], np.eye(3)[1:])
+        found.append(pinch_at(solid, at[:3], -y, z))
+    return tuple(grasp for grasp in found if grasp is not None)
+
+
+def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Pose]:
+    """Frames (7,) of the file in the standing frame."""
+    found = []
+    for values in matrices:
+        try:
+            matrix = np.array(values, float)
+        except (TypeError, ValueError) as error:
+            raise ObjectError("model_data: a frame is not a matrix of 4 x 4 numbers") from error
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-6:
+            continue
+        left, _, right = np.linalg.svd(matrix[:3, :3])
+        rotation = left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
+        out = np.eye(4)
+        out[:3, :3] = upright[:3, :3] @ rotation
+        out[:3, 3] = upright[:3, :3] @ (matrix[:3, 3] * scale) + upright[:3, 3]
+        found.append(from_matrix(out))
+    return found
+
+
+def _read(path: Path) -> _Data:
+    try:
+        return _Data.model_validate(read_json(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ObjectError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    except (ParseError, OSError) as error:
+        raise ObjectError(str(error)) from error

@@ -1,0 +1,165 @@
+"""How an object stands, and its frames and kinds of grasps, by likeness to the family that it stands for.
+
+A frame lies where the family's first instance has it in its bounding box, moved along its normal to the object's surface where the
+family's lies on a surface. A grasp is of the kind of the family's grasp that is nearest to it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.intake.objects.solid import bounds, inside, ways_to_stand
+from pipeline.poses import Pose, pose, quat_rotate
+from pipeline.world.objects.contract import FAMILIES, Grasp
+from pipeline.world.objects.from_files import ObjectError
+from pipeline.world.shapes import Collider
+
+AXES = {
+    f"{sign}{axis}": value * row for sign, value in (("", 1.0), ("-", -1.0)) for axis, row in zip("xyz", np.eye(3), strict=True)
+}
+LEANING = np.radians(20)  # an object that rests on a side stands on the stable one within this of the side that is asked for
+LIKELIEST = 12  # sides tried where none is asked for
+CELLS = 12  # per edge of the box in which two shapes are compared
+PROPORTIONS = 0.5  # how much proportions count beside overlap
+USUAL = 0.15  # advantage of the side that is up in the file
+
+type Floats = NDArray[np.float64]
+
+
+def stand_up(pieces: Sequence[Collider], family: str, up: str | None, usual: str, name: str) -> Floats:
+    """The 4x4 matrix from the file's frame to one with z up, the origin at the base and the heading of the family.
+
+    `up` is the axis of the file that is up, None to choose the way of standing that is most like the family's first instance;
+    `usual` is the axis that files of this format have up. Raises ObjectError where the object does not stand so.
+    """
+    ways = ways_to_stand(pieces)
+    if up is None:
+        near = [_nearest(ways, AXES[usual])]
+        tried = [way for way in (*near, *(way for way, _ in ways[:LIKELIEST])) if way is not None]
+    elif (found := _nearest(ways, AXES[up])) is not None:
+        tried = [found]
+    else:
+        best = max(AXES, key=lambda axis: max((way @ AXES[axis]) + share for way, share in ways))
+        raise ObjectError(f"{name}: does not stand with {up} up: it tips over; try --up {best}")
+    choices = [(_likeness(pieces, turn, family) + USUAL * (turn[2] @ AXES[usual] > 0.9), turn) for w in tried for turn in _turns(w)]
+    turn = max(choices, key=lambda choice: round(choice[0], 6))[1]
+    return _place(pieces, turn, family)
+
+
+def _nearest(ways: Sequence[tuple[Floats, float]], axis: Floats) -> Floats | None:
+    way = max((way for way, _ in ways), key=lambda way: float(way @ axis), default=axis)
+    return way if way @ axis > np.cos(LEANING) else None
+
+
+def _turns(up: Floats) -> list[Floats]:
+    """Rotations (3,3) that put `up` upright: the file's most level axis ahead, and three quarter turns of it."""
+    ahead = np.eye(3)[np.argmin(np.abs(up))]
+    x = ahead - up * (ahead @ up)
+    x /= np.linalg.norm(x)
+    y = np.cross(up, x)
+    return [np.stack([c * x + s * y, c * y - s * x, up]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+
+
+@cache
+def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Bounds (2,3) of the family's first instance, which cells of them it fills, and log proportions."""
+    pieces = first_of(family).shape().collision
+    box = bounds(pieces)
+    return box, inside(pieces, _cells(box)), _proportions(box)
+
+
+def first_of(family: str):
+    """The instance of a family that others are compared with."""
+    return FAMILIES[family].draw(np.random.Generator(np.random.Philox(0)))
+
+
+def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
+    """How alike the turned pieces and the family are: overlap in a common box, less what their proportions differ by."""
+    _, pattern, proportions = _pattern(family)
+    points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
+    box = np.stack([points.min(0), points.max(0)])
+    filled = inside(pieces, _cells(box) @ turn)
+    overlap = (filled & pattern).sum() / max((filled | pattern).sum(), 1)
+    return float(overlap - PROPORTIONS * np.abs(_proportions(box) - proportions).mean())
+
+
+def _cells(box: Floats) -> Floats:
+    steps = (np.arange(CELLS) + 0.5) / CELLS
+    return box[0] + np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3) * (box[1] - box[0])
+
+
+def _proportions(box: Floats) -> Floats:
+    logs = np.log(np.maximum(box[1] - box[0], 1e-6))
+    return logs - logs.mean()
+
+
+def _place(pieces: Sequence[Collider], turn: Floats, family: str) -> Floats:
+    """The turn with the origin at the base, where in its outline the family has it."""
+    points = np.concatenate([np.asarray(one.vertices) for one in pieces]) @ turn.T
+    lower, upper = points.min(0), points.max(0)
+    box = _pattern(family)[0]
+    share = np.clip(-box[0, :2] / (box[1, :2] - box[0, :2]), 0, 1)
+    out = np.eye(4)
+    out[:3, :3] = turn
+    out[:3, 3] = [*(-(lower[:2] + share * (upper[:2] - lower[:2]))), -lower[2]]
+    return out
+
+
+STEP, NEAR = 0.0005, 0.004  # m between tested points; m from its surface at which a family's frame lies on it
+SHIFT = 0.35  # of the object's size: a surface farther from where the family has it is another one
+TURNED = 0.15  # m that a quarter turn of approach or opening counts beside the distance of two grasps
+WHOLE = {"base", "top"}
+
+
+def frames_like(pieces: Sequence[Collider], family: str) -> dict[str, Pose]:
+    """The frames (7,) that the family has, on the object."""
+    model = first_of(family)
+    solid = model.shape().collision
+    box, own = bounds(solid), bounds(pieces)
+    found = {"base": pose((0, 0, 0)), "top": pose((0, 0, own[1, 2]))}
+    for name, at in model.frames().points.items():
+        if name in WHOLE:
+            continue
+        share = (at[:3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
+        place = own[0] + share * (own[1] - own[0])
+        normal = quat_rotate(at[3:], [0.0, 0.0, 1.0])
+        if _surfaces(solid, at[:3], normal, NEAR):
+            size = float(np.linalg.norm(own[1] - own[0]))
+            places = _surfaces(pieces, place, normal, SHIFT * size)
+            place = place + normal * min(places, key=abs, default=0.0)
+        found[name] = np.concatenate([place, at[3:]])
+    return found
+
+
+def _surfaces(pieces: Sequence[Collider], at: Floats, normal: Floats, reach: float) -> list[float]:
+    """Distances (m) along the normal, within reach, at which material ends."""
+    steps = np.arange(-reach, reach + STEP, STEP)
+    solid = inside(pieces, at + steps[:, None] * normal)
+    return [float(steps[i]) for i in np.flatnonzero(solid[:-1] & ~solid[1:])]
+
+
+def kinds_like(grasps: Sequence[Grasp], pieces: Sequence[Collider], family: str) -> tuple[Grasp, ...]:
+    """The grasps with the kinds of the family's; those of a family without grasps stay as they are."""
+    model = first_of(family)
+    known = model.frames().grasps
+    if not known or not grasps:
+        return tuple(grasps)
+    theirs, ours = (_places(some, bounds(solid)) for some, solid in ((known, model.shape().collision), (grasps, pieces)))
+    nearest = [int(np.argmin(np.linalg.norm(theirs - row, axis=1))) for row in ours]
+    return tuple(replace(grasp, kind=known[i].kind) for grasp, i in zip(grasps, nearest, strict=True))
+
+
+def _places(grasps: Sequence[Grasp], box: Floats) -> Floats:
+    """Grasps as rows: the place in the bounding box, the approach, and the opening without its sense."""
+    at = np.array([g.pose for g in grasps])
+    share = (at[:, :3] - box[0]) / np.maximum(box[1] - box[0], 1e-6)
+    x, y = (quat_rotate(at[:, 3:], np.eye(3)[k]) for k in (0, 1))
+    return np.concatenate([share, TURNED * x, TURNED * np.abs(y)], axis=1)
+
+
+def kinds_of(grasps: Sequence[Grasp]) -> Mapping[str, int]:
+    """How many grasps there are of each kind."""
+    return {kind: sum(g.kind == kind for g in grasps) for kind in sorted({g.kind for g in grasps})}

@@ -1,0 +1,227 @@
+"""`domino-data robots add`: a vendor's URDF or MJCF, or an embodiment of RoboTwin, becomes a robot's directory."""
+
+import re
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.data.names import NONE, is_name
+from pipeline.data.parsing import ParseError, read_yaml
+from pipeline.intake.robots.anatomy import Anatomy, Hints, anatomy, cloud
+from pipeline.intake.robots.join import mount
+from pipeline.intake.robots.mjcf import MJCF, read_mjcf
+from pipeline.intake.robots.place import find_site, overlaps
+from pipeline.intake.robots.simplify import Pieces
+from pipeline.intake.robots.write import Draft, write_robot
+from pipeline.poses import compose, frame, pose, quat_rotate
+from pipeline.world.robots.check import RobotError
+from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
+from pipeline.world.robots.directory import TOML
+from pipeline.world.robots.forward import arm_poses
+from pipeline.world.robots.meshes import load_visual
+from pipeline.world.robots.notation import wrist_camera
+from pipeline.world.robots.pairs import ALIASES, MODELS
+from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, read_urdf
+
+CONFIG = "config.yml"
+
+
+def read_config(directory: Path, base: str | None = None) -> tuple[Path, Hints]:
+    """The URDF and the hints of a directory with a `config.yml`; of two arms in one file, the first. Raises UrdfError."""
+    path = directory / CONFIG
+    try:
+        values: dict[str, Any] = read_yaml(path)
+        urdf = (directory / str(values["urdf_path"])).resolve()
+        joints = [str(name) for name in values["arm_joints_name"][0]]
+        jaw = values["gripper_name"][0]
+        mimics = {str(m[0]): Mimic(str(jaw["base"]), float(m[1]), float(m[2])) for m in jaw.get("mimic", ())}
+        closed, opened = (float(v) for v in values["gripper_scale"])
+    except ParseError as error:
+        raise UrdfError(f"{path}: {error}") from error
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise UrdfError(f"{path}: is no configuration of an embodiment of RoboTwin ({type(error).__name__}: {error})") from error
+    if not urdf.is_relative_to(directory.resolve()) or not urdf.is_file():
+        raise UrdfError(f"{path}: urdf_path names {values['urdf_path']!r}, which is no file of the directory")
+    robot = read_urdf(urdf, directory)
+    first = next((j for j in robot.parent_joint.values() if j.name == joints[0]), None)
+    if first is None:
+        raise UrdfError(f"{path}: arm_joints_name names {joints[0]!r}, which the URDF does not have")
+    return urdf, Hints(base or first.parent, str(jaw["base"]), mimics, (closed, opened))
+
+
+FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
+SPEED, EFFORT = 2.0, 50.0  # what is used for a joint whose limits are missing or placeholders
+TURN = 2 * np.pi
+LIGHTEST, SMALLEST = 0.005, 1e-5  # kg and kg m2: lighter links and smaller inertias make joints ring
+DENSITY = 1000.0  # kg/m3, of a link whose inertia is missing
+JAW_FORCE, JAW_SPEED, JAW_TORQUE = 60.0, 0.2, 10.0  # N, m/s and N m of a jaw
+OVERLAPPING = 0.6  # share of configurations in which a pair of links that always touches does
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence.
+
+    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it.
+    """
+
+    name: str
+    to: Path
+    base: str | None = None
+    jaw: str | None = None
+    licence: str = "unknown"
+    gripper: Path | None = None
+    flange: str | None = None
+
+
+def add_robot(source: Path, options: Options) -> Path:
+    """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
+
+    Returns the directory. Raises RobotError and UrdfError, one line each; nothing is written then.
+    """
+    name, directory = options.name, options.to / "robots" / options.name
+    if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
+        raise RobotError(f"--name {name!r}: is no name of a robot; use lower case and hyphens")
+    if name in MODELS or name in ALIASES:
+        raise RobotError(f"--name {name}: a robot of this name exists; choose another")
+    if (directory / TOML).exists():
+        raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
+    for given in (source, options.gripper or source):
+        if not given.exists():
+            raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
+    hints, urdf = Hints(options.base, options.jaw), None
+    if source.is_dir() and (source / CONFIG).is_file():
+        urdf, hints = read_config(source, options.base)
+    root = source if source.is_dir() else None
+    with tempfile.TemporaryDirectory() as scratch:
+        robot = _read(urdf or source, Path(scratch) / "arm", root)
+        if options.gripper is not None:
+            robot = mount(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
+        draft = draft_of(robot, anatomy(robot, hints), options)
+    write_robot(draft, directory)
+    return directory
+
+
+def _read(source: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
+    if source.suffix in MJCF and source.is_file():
+        scratch.mkdir()
+        return read_mjcf(source, scratch, root)
+    return read_urdf(_find_urdf(source), root)
+
+
+def _find_urdf(given: Path) -> Path:
+    """The URDF of a path: itself, or the only `*.urdf` below it. Raises UrdfError when there is none or more than one."""
+    if given.is_file():
+        return given
+    found = sorted(given.rglob("*.urdf")) if given.is_dir() else []
+    if len(found) != 1:
+        names = ", ".join(str(p.relative_to(given)) for p in found[:6]) or "none"
+        raise UrdfError(f"{given}: expected one .urdf, found {names}; give the path of the file to use")
+    return found[0]
+
+
+def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
+    """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
+    pieces = Pieces()
+    links = tuple(_link(robot, name, pieces) for name in parts.links)
+    driven = {*parts.arm_joints, *parts.jaws}
+    joints = tuple(_joint(joint, joint.name in driven, parts) for joint in parts.joints)
+    position, approach, opening = (np.round(v, 5) for v in parts.tcp)
+    tcp = frame(position, approach, opening)
+    first = next(j for j in joints if j.name in parts.jaws)
+    hinged = first.kind == "revolute"
+    travel = abs(parts.jaws[first.name][1] - parts.jaws[first.name][0])
+    gripper = Gripper(
+        tuple(parts.jaws),
+        parts.fingers,
+        tuple(a for a, _ in parts.jaws.values()),
+        tuple(b for _, b in parts.jaws.values()),
+        parts.opening,
+        JAW_TORQUE if hinged else JAW_FORCE,
+        round(min(FASTEST, JAW_SPEED * travel / max(parts.opening / 2, 0.01)), 4) if hinged else JAW_SPEED,
+        *((120.0, 5.0) if hinged else (1500.0, 60.0)),
+    )
+    middle = tuple((j.lower + j.upper) / 2 for j in joints if j.name in parts.arm_joints)
+    arm = Arm(
+        *(options.name, pose(), links, joints, parts.arm_joints, parts.hand, tcp, gripper, middle),
+        Mount(parts.hand, wrist_camera(tcp)),
+    )
+    touching = {pair for pair, share in overlaps(arm).items() if share > OVERLAPPING}
+    arm = replace(arm, allowed_overlap=tuple(sorted(touching | {parts.fingers})))
+    site = find_site(arm)
+    if site is None:
+        raise UrdfError(
+            f"{robot.path}: finds no place behind the table from which the arm {options.name!r} reaches over it without touching"
+        )
+    return Draft(
+        arm,
+        site,
+        (position, approach, _upright(site.arms["left"], opening)),
+        _foot(robot, parts.links[0]),
+        options.licence,
+        robot.path.name,
+    )
+
+
+def _upright(arm: Arm, opening: np.ndarray) -> np.ndarray:
+    """The opening direction turned so that the wrist camera is above the hand at home."""
+    hand = arm_poses(arm, arm.home)[arm.hand]
+    above = quat_rotate(compose(hand, arm.tcp)[3:], [0.0, 0.0, 1.0])[2] >= -0.01
+    return opening if above else -opening
+
+
+def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:
+    """The joint with limits that can be used; one that nothing drives is fixed at 0."""
+    if joint.kind == "fixed" or not driven:
+        return replace(joint, kind="fixed")
+    velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
+    effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
+    lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)
+    if joint.name in parts.jaws:
+        ends = parts.jaws[joint.name]
+        return replace(joint, lower=min(ends) - 1e-3, upper=max(ends) + 1e-3, velocity=velocity, effort=effort)
+    if not lower < upper:
+        lower, upper = -np.pi, np.pi
+    return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
+
+
+def _link(robot: UrdfRobot, name: str, pieces: Pieces) -> Link:
+    link = robot.links[name]
+    solids = pieces.of(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
+    mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
+    x, y, z = com.tolist()
+    looks = load_visual([s for s in link.visuals if s.file is not None])
+    return Link(name, mass, (x, y, z), (ixx, iyy, izz), looks, solids, (ixy, ixz, iyz))
+
+
+def _inertial(robot: UrdfRobot, name: str, link: UrdfLink, volume: float) -> tuple[float, np.ndarray, np.ndarray]:
+    if link.mass < 0 or (link.mass == 0 and link.inertia.any()):
+        raise UrdfError(f"{robot.path}: link {name!r} has mass {link.mass:g}: give it a mass above 0, or remove its <inertial>")
+    mass, com, inertia = link.mass, link.com, link.inertia
+    if mass == 0:
+        points = cloud(robot, name)
+        mass, com = max(DENSITY * volume / 2, LIGHTEST), points.mean(0) if len(points) else np.zeros(3)
+        size = np.ptp(points, axis=0) if len(points) else np.full(3, 0.01)
+        inertia = np.diag(mass / 12 * (np.sum(size**2) - size**2))
+    values, axes = np.linalg.eigh(inertia)
+    return max(mass, LIGHTEST), com, axes @ np.diag(np.maximum(values, SMALLEST)) @ axes.T
+
+
+def _foot(robot: UrdfRobot, root: str) -> float:
+    points = cloud(robot, root)
+    if not len(points):
+        return 0.06
+    low = points[points[:, 2] < points[:, 2].min() + 0.02]
+    return float(np.clip(np.round(np.abs(low[:, :2]).max(), 3), 0.03, 0.15))
+
+
+def notes(directory: Path) -> Iterator[str]:
+    """What the user should look at in a directory that was written."""
+    text = (directory / TOML).read_text("utf-8")
+    yield f"wrote {directory}: {len(re.findall('^', text, re.MULTILINE)) - 1} lines of {TOML}"
+    yield f"use it with: --plugins {directory.parents[1]} --embodiment {directory.name}"

@@ -1,0 +1,169 @@
+"""URDFs and meshes that no robot can be made of: one line, exit code 2, nothing written."""
+
+import numpy as np
+import pytest
+
+from pipeline.world.robots import meshes, urdf_file
+from tests.intake.objects.meshes import gltf
+from tests.intake.objects.test_add import AWAY, MANY, NODES
+from tests.intake.robots.tiny import HINGE, SLIDES, Tiny
+from tests.run.command import inside
+
+MESH = Tiny(mesh="package://vendor/part.stl")
+BOMB = '<!DOCTYPE robot [<!ENTITY a "b"><!ENTITY b "&a;&a;&a;">]><robot '
+THIRD = '<joint name="jaw_c" type="prismatic"><parent link="hand"/><child link="finger_c"/><limit lower="0" upper="1"/></joint>'
+
+
+def refused(tmp_path, source, *options) -> str:
+    """The line of `robots add`, which writes nothing."""
+    made = tmp_path / "made"
+    code, out, err = inside("robots", "add", source, "--name", "mine", "--to", made, *options)
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("domino-data: "), err
+    assert len(err) < 700 and not made.exists()
+    return err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<robot ", BOMB, "declares a document type"),
+        ("</robot>", "", "not readable as XML"),
+        ("<robot ", '<?xml version="1.0" encoding="utf-99"?><robot ', "not readable as XML"),
+        (
+            "<robot ",
+            '<robot xmlns:xacro="http://ros.org/xacro"><xacro:include filename="a"/></robot><robot ',
+            "not readable as XML",
+        ),
+        ("</robot>", '<xacro:include xmlns:xacro="http://ros.org/xacro" filename="a"/></robot>', "expand it first"),
+        ('xyz="0 0 0.3"', 'xyz="0 0 nan"', "<origin> has xyz='0 0 nan', which is not 3 finite numbers"),
+        ('xyz="0 0 0.3"', 'xyz="0 0.3"', "<origin> has xyz='0 0.3', which is not 3 finite numbers"),
+        ('mass value="0.8"', 'mass value="inf"', "<mass> has value='inf', which is not 1 finite number"),
+        ('mass value="0.8"', 'mass value="heavy"', "<mass> has value='heavy'"),
+        ('mass value="0.8"', 'mass value="0"', "link 'upper' has mass 0: give it a mass above 0"),
+        ('mass value="0.8"', 'mass value="-1"', "link 'upper' has mass -1: give it a mass above 0"),
+        ("</robot>", '<material name="m"><color rgba="red"/></material></robot>', "<color> has rgba='red', which is not 3 or 4"),
+        ('size="0.05 0.05 0.22"', 'size="0.05 0.05"', "which is not 3 finite numbers"),
+        ('<box size="0.05 0.05 0.22"/>', "<torus/>", "<torus> is no mesh, box, cylinder or sphere"),
+        ('<box size="0.05 0.05 0.22"/>', '<box size="0.05 -1 0.22"/>', "<box> is no mesh, box, cylinder or sphere with a size"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint 'j1' has an axis of length 0"),
+        ('<child link="upper"/>', '<child link="uper"/>', "joint 'j2' names link 'uper', which the file does not have"),
+        ('<child link="upper"/>', '<child link="lower"/>', "joints 'j3' and 'j2' both move link 'lower'"),
+        ('<child link="upper"/>', "", "joint 'j2' needs a parent, a child and a type"),
+        ('<parent link="turret"/>', '<parent link="wrist"/>', "hangs in a ring of joints"),
+        ("</robot>", '<joint name="r" type="fixed"><parent link="hand"/><child link="base"/></joint></robot>', "form a ring"),
+        ("</robot>", '<link name="lost"/></robot>', "links 'base', 'lost' hang on no joint"),
+        ("</robot>", f'<link name="finger_c"/>{THIRD}</robot>', "3 joints of the hand move by themselves (jaw_a, jaw_b, jaw_c)"),
+        ('type="revolute"', 'type="fixed"', "no joint moves between 'base' and the gripper"),
+        ('type="prismatic"', 'type="fixed"', "has no gripper"),
+        ('lower="0" upper="0.03"', 'lower="0" upper="0"', "joint 'jaw_a' of the gripper needs limits lower < upper"),
+        ('name="j2"', 'name=""', "give it a short name"),
+        ('name="j2"', 'name="j1"', "two joints are named 'j1': give each its own name"),
+        ('link name="upper"', 'link name="lower"', "two links are named 'lower': give each its own name"),
+        ('"upper"', '"../../../upper"', "give it a short name without slashes"),
+    ],
+)
+def test_a_urdf_that_is_no_robot_is_one_line(tmp_path, old, new, words):
+    path = Tiny().write(tmp_path / "vendor")
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    assert words in refused(tmp_path, path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "/etc/hostname",
+            "file:///etc/hostname",
+            "https://example.org/part.stl",
+            "../vendor/part.stl",
+            "package://vendor/../part.stl",
+        ),
+        *("C:\\part.stl", "", "package://", "a/" * 300 + "part.stl"),
+    ],
+)
+def test_a_mesh_is_named_by_a_path_below_the_package(tmp_path, name):
+    said = refused(tmp_path, Tiny(mesh=name).write(tmp_path / "vendor"))
+    assert "tiny.urdf: mesh " in said and ("is a URL" in said or "is no path below the package" in said)
+
+
+def test_a_mesh_does_not_come_from_outside_of_the_given_directory(tmp_path):
+    MESH.write(tmp_path / "vendor")
+    (tmp_path / "part.stl").write_bytes(b"elsewhere")
+    assert "was not found next to it" in refused(tmp_path, tmp_path / "vendor")
+    (tmp_path / "vendor" / "part.stl").symlink_to(tmp_path / "part.stl")
+    assert "a link to a file outside of" in refused(tmp_path, tmp_path / "vendor")
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("part.stl", b"solid \xff\xfe", "part.stl: "),
+        ("part.stl", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+        ("part.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
+        ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "part.obj: "),
+        ("part.obj", b"v 0 0 0\nv 1000 0 0\nv 0 1 0\nf 1 2 3\n", "mind its scale"),
+        ("part.obj", b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "have no area"),
+        ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat, so that nothing can collide with it"),
+        ("part.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", "part.glb: not readable"),
+        ("part.zip", b"PK", "part.zip: not one of .stl"),
+    ],
+)
+def test_a_damaged_mesh_is_one_line(tmp_path, name, data, words):
+    path = Tiny(mesh=name).write(tmp_path / "vendor")
+    (path.parent / name).write_bytes(data)
+    assert words in refused(tmp_path, path)
+
+
+@pytest.mark.parametrize("changes", [NODES, MANY, AWAY])
+def test_a_hostile_glb_is_one_line(tmp_path, changes):
+    path = Tiny(mesh="part.glb").write(tmp_path / "vendor")
+    (tmp_path / "secret.bin").write_bytes(bytes(36))
+    gltf(path.parent / "part.glb", **changes)
+    assert "part.glb: " in refused(tmp_path, path)
+
+
+def test_a_mesh_of_too_many_triangles_is_refused(tmp_path):
+    path, count = MESH.write(tmp_path / "vendor"), meshes.MAX_TRIANGLES + 1
+    with open(path.parent / "part.stl", "wb") as file:
+        file.write(bytes(80) + np.uint32(count).tobytes())
+        file.truncate(84 + 50 * count)
+    assert f"has {count} triangles; a mesh has at most {count - 1}" in refused(tmp_path, path)
+
+
+def test_files_and_robots_have_a_largest_size(tmp_path, monkeypatch):
+    path = MESH.write(tmp_path / "vendor")
+    (path.parent / "part.stl").write_bytes(b"123")
+    for limit, words in (("MAX_LINKS", "has 8 links"), ("MAX_MESH_BYTES", "a mesh may have 1"), ("MAX_URDF_BYTES", "at most 1")):
+        with monkeypatch.context() as patch:
+            patch.setattr(urdf_file, limit, 1)
+            assert words in refused(tmp_path, path)
+
+
+@pytest.mark.parametrize(
+    ("config", "words"),
+    [
+        ("[1, 2]", "config.yml: "),
+        ("urdf_path: ../other.urdf", "is no configuration of an embodiment of RoboTwin"),
+        ("urdf_path: ../out/other.urdf\nREST", "which is no file of the directory"),
+        ("urdf_path: /etc/hostname\nREST", "which is no file of the directory"),
+        ("urdf_path: gone.urdf\nREST", "which is no file of the directory"),
+        ("urdf_path: tiny.urdf\nREST[0]", "arm_joints_name names 'jx', which the URDF does not have"),
+        ("urdf_path: [", "config.yml: "),
+    ],
+)
+def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config, words):
+    rest = "arm_joints_name: [[j1], [j1]]\ngripper_name: [{base: jaw_a, mimic: []}]\ngripper_scale: [0, 1]\n"
+    config = config.replace("REST[0]", rest.replace("j1", "jx")).replace("REST", rest)
+    (Tiny(SLIDES).write(tmp_path / "vendor").parent / "config.yml").write_text(config)
+    assert words in refused(tmp_path, tmp_path / "vendor")
+
+
+def test_what_is_not_there_is_named(tmp_path):
+    path = Tiny(HINGE).write(tmp_path / "vendor")
+    assert "neither a URDF, nor an MJCF, nor a directory" in refused(tmp_path, tmp_path / "gone.urdf")
+    assert "gone.xml: is neither" in refused(tmp_path, path, "--gripper", tmp_path / "gone.xml")
+    assert "has no link 'pelvis'; links are base" in refused(tmp_path, path, "--base", "pelvis")
+    (path.parent / "second.urdf").write_text(path.read_text())
+    assert "expected one .urdf, found second.urdf, tiny.urdf" in refused(tmp_path, tmp_path / "vendor")

@@ -1,0 +1,128 @@
+"""The contract checker on a broken task and on the one that docs/add_a_task.md adds; tests/tasks has it check every task."""
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.data.spec import EpisodeSpec
+from pipeline.expert.skills import lift
+from pipeline.intake.check_task import check_task
+from pipeline.planning.kinematics import ik_many
+from pipeline.planning.planner import planner_for
+from pipeline.poses import quat_about, quat_multiply
+from pipeline.stages.hints import HINTS
+from pipeline.stages.scene import build_scene
+from pipeline.tasks import TASKS, Task
+from pipeline.tasks.language_check import CHECKS, FIXES
+from pipeline.world.objects.words import describe
+
+PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
+
+
+@pytest.fixture
+def documented_task():
+    code = re.search(r"^```python\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    assert code is not None
+    assert len(code.group(1).splitlines()) < 120
+    before = set(TASKS)
+    exec(compile(code.group(1), str(PAGE), "exec"), {"__name__": __name__})
+    (name,) = set(TASKS) - before
+    yield name
+    TASKS.remove(name)
+
+
+def test_the_documented_task_keeps_the_contract(documented_task):
+    findings = {f.name: f for f in check_task(documented_task, levels=(0, 3))}
+    bad = [f for f in findings.values() if not f.ok]
+    assert not bad, bad
+    assert {"level 0", "level 3", "determinism", "arms", "language", "level 3 conditions"} <= set(findings)
+
+
+def test_the_page_says_how_many_templates_the_contract_asks_for():
+    assert f"at least {Task.least_seen} seen and {Task.least_unseen} unseen" in " ".join(PAGE.read_text().split())
+
+
+def test_a_task_that_succeeds_by_itself_is_found_out(documented_task, monkeypatch):
+    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True})
+    findings = {f.name: f for f in check_task(documented_task, levels=(1,))}
+    assert not findings["level 1 start"].ok
+    assert findings["level 1 conditions"].ok
+
+
+@pytest.mark.parametrize(
+    ("conditions", "said"),
+    [
+        (lambda o: {"held": True} if len(o.log) > 5 else {"lifted": True}, "the names change: ['lifted'] and ['held']"),
+        (lambda o: {"Held up": True}, "Held up"),
+        (lambda o: {"held": np.bool_(True)}, "held"),
+        (lambda o: {}, ""),
+    ],
+)
+def test_conditions_without_stable_names_are_found_out(documented_task, monkeypatch, conditions, said):
+    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: conditions(o))
+    findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
+    assert not findings["level 0 conditions"].ok
+    assert said in findings["level 0 conditions"].detail
+
+
+def test_a_task_that_fails_says_what_exactly_and_what_to_change(documented_task, monkeypatch):
+    monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 2)
+    monkeypatch.setattr(type(TASKS[documented_task]), "success", lambda self, o, arms: {"held": True, "painted": False})
+    finding = next(f for f in check_task(documented_task, levels=(0,)) if f.name == "level 0")
+    assert not finding.ok
+    assert finding.detail.startswith("none of 2 seeds was accepted; 2 x dry_run: no_success (not fulfilled: painted 2); ")
+    assert HINTS["no_success"] in finding.detail
+
+
+def test_a_task_that_never_meets_its_target_is_found_out(documented_task, monkeypatch):
+    monkeypatch.setattr(type(TASKS[documented_task]), "meet", lambda self, a: iter(()))
+    findings = {f.name: f for f in check_task(documented_task, levels=(1,))}
+    assert not findings["level 1"].ok
+
+
+def test_a_pose_out_of_reach_is_named_with_the_nearest_one_and_drawn(documented_task, monkeypatch, tmp_path):
+    monkeypatch.setattr("pipeline.intake.check_task.SEEDS_PER_LEVEL", 1)
+    monkeypatch.setattr("pipeline.intake.check_task.LAYOUTS", 2)
+    # no arm lifts a can by half a metre
+    monkeypatch.setattr(type(TASKS[documented_task]), "finish", lambda self, a: iter([lift(a.arms["arm"], 0.5, least=1.0)]))
+    findings = {f.name: f for f in check_task(documented_task, levels=(0,), images=tmp_path)}
+    detail = findings["level 0 pose"].detail
+    assert re.match(r"seed 0: finish: lift \(\w+, can\): the \w+ tcp is to be at \([^)]*\) m, 30 degrees below", detail)
+    wanted, nearest = (np.array([float(x) for x in place.split(",")]) for place in re.findall(r"\(([-\d., ]+)\) m", detail))
+    apart = float(re.findall(r"([\d.]+) cm away", detail)[0]) / 100
+    assert apart == pytest.approx(np.linalg.norm(wanted - nearest), abs=2e-3)
+    # a search over all headings: the arm reaches the nearest place with this pitch, and not the wanted one
+    side, down = re.findall(r"the (\w+) tcp", detail)[0], np.radians(30)
+    chain = planner_for("aloha-agilex").chains[side]
+    turned = [quat_multiply(quat_about((0, 0, 1), yaw), quat_about((0, 1, 0), down)) for yaw in np.linspace(0, 2 * np.pi, 73)]
+    reached = [ik_many(chain, np.array([[*place, *quat] for quat in turned]), [chain.home])[1].any() for place in (nearest, wanted)]
+    assert reached == [True, False]
+    image = cv2.imread(str(tmp_path / f"{documented_task}-aloha-agilex-level0.png"))
+    assert image is not None and image.shape[1] == 1280 and (np.abs(image.astype(int) - (30, 30, 230)).max(-1) < 40).sum() > 40
+
+
+def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monkeypatch):
+    monkeypatch.setattr("pipeline.intake.check_task.LAYOUTS", 2)
+    task = type(TASKS[documented_task])
+    monkeypatch.setattr(task, "meet", lambda self, a: iter([a.nothing]))
+    monkeypatch.setattr(task, "seen", (*task.seen, "Lift {hand}."))
+    findings = {f.name: f for f in check_task(documented_task, levels=(0,))}
+    assert re.search(r"test_check_task.py:\d+: .*AttributeError: 'Actor' object has no", findings["level 0"].detail)
+    assert "the unknown slot {hand}" in findings["language"].detail
+    monkeypatch.setattr(
+        type(build_scene(EpisodeSpec(documented_task, "aloha-agilex", 0, 0.1, "clean", 0, 0)).bodies["can"].instance),
+        "words",
+        lambda self: describe("red can", "can"),
+    )
+    findings = {f.name: f for f in check_task(documented_task, levels=())}
+    assert (
+        findings["language"].detail
+        == "describe('red can', 'can'): 'can' is the family, which comes first, then the noun: swap them"
+    )
+
+
+def test_every_fault_of_a_sentence_is_explained():
+    assert list(FIXES) == list(CHECKS)

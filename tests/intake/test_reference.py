@@ -1,0 +1,33 @@
+"""The tables of the documents are those that follow from the code."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.data.recipe.model import Recipe
+from pipeline.expert import skills
+from pipeline.intake.reference import TABLES, with_tables
+from pipeline.world.objects import FAMILIES
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.mark.parametrize("page", ["add_a_task.md", "add_an_object.md", "recipes.md"])
+def test_the_tables_of_a_page_are_up_to_date(page):
+    text = (DOCS / page).read_text()
+    assert with_tables(text) == text, f"write them anew: python -m pipeline.intake.reference docs/{page}"
+
+
+def test_an_edited_table_is_written_anew():
+    text = (DOCS / "recipes.md").read_text()
+    assert with_tables(text.replace("| `seed` | `0` |", "| `seed` | `1` |")) == text
+    assert "`seed`" in text
+
+
+def test_every_table_is_on_a_page_and_says_all():
+    pages = "".join(page.read_text() for page in DOCS.glob("*.md"))
+    assert all(f"<!-- generated: {name} -->" in pages for name in TABLES)
+    for name in (*Recipe.model_fields, *FAMILIES):
+        assert f"| `{name}` |" in pages
+    assert all(f"| `{name}(" in pages for name, found in vars(skills).items() if callable(found))
+    assert all(field.description for field in Recipe.model_fields.values())
