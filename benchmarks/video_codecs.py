@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export.video import Codec, encode, frames_of
+from pipeline.export.shared.video import Codec, encode, frames_of
 
 FPS = 15
 LEROBOT = Codec("libsvtav1", 30, 2, "12")

@@ -128,9 +128,9 @@ def publish(
 ) -> None:
     """Publish an export on the Hugging Face hub; rerun the same command to resume."""
     from pipeline.export import EXPORTERS
-    from pipeline.export.common import read_summary
     from pipeline.export.publish import prepare
     from pipeline.export.publish import publish as send
+    from pipeline.export.shared.common import read_summary
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:

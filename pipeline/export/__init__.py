@@ -4,9 +4,9 @@ adds one."""
 import importlib
 import pkgutil
 
-from pipeline.export.common import ExportError
 from pipeline.export.exporter import EXPORTERS, Exporter, Job, register
 from pipeline.export.options import NoOptions, option, parse_options
+from pipeline.export.shared.common import ExportError
 
 __all__ = [
     "EXPORTERS",
@@ -20,5 +20,6 @@ __all__ = [
 ]
 
 # last: they import the names above
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
+for _floor in ("formats", "formats.lerobot", "bridges"):
+    for _module in pkgutil.iter_modules(importlib.import_module(f"{__name__}.{_floor}").__path__):
+        importlib.import_module(f"{__name__}.{_floor}.{_module.name}")

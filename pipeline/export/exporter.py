@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pipeline.export.card import write_card
-from pipeline.export.common import (
+from pipeline.export.options import NoOptions
+from pipeline.export.shared.card import write_card
+from pipeline.export.shared.common import (
     EPISODES,
     SOURCES,
     SUMMARY,
@@ -20,10 +21,9 @@ from pipeline.export.common import (
     stage_directory,
     write_json,
 )
-from pipeline.export.contents import contents_of
-from pipeline.export.options import NoOptions
-from pipeline.export.reuse import Draft
-from pipeline.export.sensors import sensors_of
+from pipeline.export.shared.contents import contents_of
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.sensors import sensors_of
 from pipeline.registry import Registry
 
 LEFT_OUT = "sensors_left_out"
@@ -37,7 +37,7 @@ class Job[O]:
     `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
     `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
     only what the summary does. `split` says whether these are the episodes or the failed attempts that are kept, `where` which
-    of them were selected (export/selection.py), empty for all.
+    of them were selected (export/shared/selection.py), empty for all.
     """
 
     dataset: Path

@@ -15,8 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.data.atomic import write_atomic
-from pipeline.export.card import CARD, read_card
-from pipeline.export.common import ExportError, read_summary, unlisted_files
+from pipeline.export.shared.card import CARD, read_card
+from pipeline.export.shared.common import ExportError, read_summary, unlisted_files
 
 FILES = 100_000
 FILES_OF_A_FOLDER = 10_000

@@ -11,10 +11,10 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.mirror import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
-from pipeline.export.common import EPISODES, FAILURES
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name
-from pipeline.export.selection import expression, select_episodes
+from pipeline.export.shared.common import EPISODES, FAILURES
+from pipeline.export.shared.selection import expression, select_episodes
 from pipeline.report.card import describe
 
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted

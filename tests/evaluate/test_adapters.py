@@ -15,7 +15,7 @@ from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.policies import make_policy, policy_name
 from pipeline.evaluate.policy import Observation, PolicyError, Start
 from pipeline.evaluate.trial import FAULTS
-from pipeline.export.robotwin_arrays import drive_targets
+from pipeline.export.bridges.robotwin_arrays import drive_targets
 from pipeline.planning.planner import planner_for
 from pipeline.poses import compose, inverse
 from pipeline.world.robots import get_embodiment

@@ -27,7 +27,7 @@ from pipeline.evaluate.serving.history import flow_image
 from pipeline.evaluate.serving.openpi import Openpi
 from pipeline.evaluate.serving.statistics import read_statistics
 from pipeline.evaluate.serving.wire import WireError
-from pipeline.export.lerobot_format import modality
+from pipeline.export.formats.lerobot.format import modality
 from pipeline.world.robots import get_embodiment
 from tests.evaluate.servers import serving
 

@@ -10,8 +10,8 @@ import pytest
 from huggingface_hub import HfApi
 
 from pipeline.export import ExportError
-from pipeline.export.card import read_card
 from pipeline.export.publish import VISUALIZER, prepare, publish, with_badge
+from pipeline.export.shared.card import read_card
 from tests.export.hub import running
 from tests.export.running import run
 from tests.synthetic import episode_path, make_episode

@@ -14,7 +14,7 @@ import pytest
 from pipeline.data.episode.file import open_episode
 from pipeline.data.splits import position_of, split_of
 from pipeline.export import EXPORTERS, Job
-from pipeline.export.card import read_card
+from pipeline.export.shared.card import read_card
 from pipeline.poses import matrix
 from pipeline.report.card import describe
 from pipeline.report.card.plots import _edges

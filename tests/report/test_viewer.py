@@ -20,7 +20,7 @@ from pipeline.data.annotations import annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.state_log import SkillRun
-from pipeline.export.video import frames_of
+from pipeline.export.shared.video import frames_of
 from pipeline.report.viewer import choose, viewer_server, write_viewer
 from pipeline.report.viewer.data import episode_data, listing, skill_rows
 from pipeline.report.viewer.rerun_log import log_episode

@@ -15,9 +15,9 @@ from pipeline.data.parsing import parse_json
 from pipeline.data.reading import IRREGULAR, check_regular, read_regular
 from pipeline.data.store.mirror import fetch_below
 from pipeline.export import EXPORTERS
-from pipeline.export.common import FAILURES, ExportError, foreign_files, read_summary
-from pipeline.export.reuse import changed_files
-from pipeline.export.selection import select_episodes
+from pipeline.export.shared.common import FAILURES, ExportError, foreign_files, read_summary
+from pipeline.export.shared.hashes import changed_files
+from pipeline.export.shared.selection import select_episodes
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 RECOMPUTE = "run annotate again"

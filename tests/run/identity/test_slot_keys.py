@@ -87,7 +87,7 @@ EDITS = [
     ("data/recipe/values.py", CODE, NONE, set()),
     ("data/parsing.py", CODE, NONE, set()),
     ("data/dataset.py", CODE, NONE, set()),
-    ("export/parquet.py", CODE, NONE, set()),
+    ("export/formats/parquet.py", CODE, NONE, set()),
     ("report/summary.py", CODE, NONE, set()),
     ("run/build.py", CODE, NONE, set()),
     ("commands/build.py", CODE, NONE, set()),

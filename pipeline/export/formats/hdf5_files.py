@@ -1,0 +1,244 @@
+"""The common part of formats with one HDF5 file an episode: each format defines the directory, the names and the content."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
+from pipeline.export.exporter import Exporter, Job
+from pipeline.export.shared.common import Facts, judging, read_facts, reading
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+
+type Storage = Callable[[str, NDArray[Any]], dict[str, Any] | None]
+"""Options of h5py for an array by its key and values; None for an array that is assigned, which h5py links after its values."""
+
+
+def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
+    """Each image is a chunk of its own: training reads single frames."""
+    return {"chunks": (1, *values.shape[1:])} if values.ndim >= 3 and values.size else {}
+
+
+@dataclass(frozen=True)
+class Contents:
+    """One file: arrays and texts by key, attributes of its root, and arrays that are those of other keys one frame later.
+
+    The last frame of such an array is that of the other key once more; only a reference is stored (an HDF5 virtual dataset).
+    `of_groups` are the attributes of groups by key, `cache` the bytes of chunks that h5py holds, on which their order in the file
+    depends (None: the library's own).
+    """
+
+    values: Mapping[str, NDArray[Any] | str]
+    attributes: Mapping[str, Any]
+    later: Mapping[str, str] = field(default_factory=dict[str, str])
+    storage: Storage = chunk_images
+    of_groups: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Mapping[str, Any]])
+    cache: int | None = 2 * 1024**2
+
+    def write(self, path: Path) -> None:
+        """Write the file. Raises OSError."""
+        with new_hdf5(path, rdcc_nbytes=self.cache) as f:
+            f.attrs.update(self.attributes)
+            make_groups(f, [*self.values, *self.later])
+            for group, attributes in self.of_groups.items():
+                f[group].attrs.update(attributes)
+            for key, value in self.values.items():
+                options = {"dtype": h5py.string_dtype()} if isinstance(value, str) else self.storage(key, value)
+                if options is None:
+                    f[key] = value
+                else:
+                    f.create_dataset(key, data=value, **options)
+            for key, source in self.later.items():
+                values: Any = self.values[source]
+                layout = h5py.VirtualLayout(values.shape, values.dtype)
+                layout.dcpl.set_obj_track_times(False)  # h5py leaves the clock out of all but these
+                frames: Any = h5py.VirtualSource(".", source, values.shape)
+                layout[:-1], layout[-1:] = frames[1:], frames[-1:]
+                f.create_virtual_dataset(key, layout)
+
+    def differences(self, path: Path) -> list[str]:
+        """Keys and attributes that are other ones in a file. Raises what h5py raises for a damaged file."""
+        with open_hdf5(path) as opened:
+            f: Any = opened
+            found: list[str] = []
+            f.visititems(lambda key, item: found.append(key) if isinstance(item, h5py.Dataset) else None)
+            differ = sorted({*found} ^ {*self.values, *self.later})
+            for key, want in self.values.items():
+                if key in found:
+                    texts = isinstance(want, str) or want.dtype.hasobject
+                    differ += _difference(key, f[key].asstr()[()] if texts else f[key][()], want)
+            for key, source in self.later.items():
+                if key in found and source in found:
+                    want = np.asarray(self.values[source])
+                    differ += _difference(key, f[key][()], want[np.minimum(np.arange(len(want)) + 1, len(want) - 1)])
+            for item, attributes in ((f, self.attributes), *((f[group], said) for group, said in self.of_groups.items())):
+                differ += [name for name, want in attributes.items() if not np.array_equal(item.attrs.get(name), want)]
+            return differ
+
+
+def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
+    """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
+    for key in keys:
+        parts = key.split("/")[:-1]
+        for depth in range(1, len(parts) + 1):
+            if "/".join(parts[:depth]) not in file:
+                file.create_group("/".join(parts[:depth]))
+
+
+def _difference(key: str, got: Any, want: NDArray[Any] | str) -> list[str]:
+    """The key of an array that is another one, with the number of the first wrong image; [] for an equal one."""
+    if np.array_equal(got, want):
+        return []
+    if not isinstance(want, str) and want.ndim >= 3 and got.shape == want.shape:
+        return [f"{key} image {int(np.argmax((got != want).reshape(len(want), -1).any(1)))}"]
+    return [key]
+
+
+def write_files(
+    draft: Draft,
+    job: Job[Any],
+    directory: Path,
+    places: Mapping[Path, Path],
+    write: Callable[[Path, EpisodeFile, Facts], None],
+    also: Sequence[Any] = (),
+) -> Iterator[Facts]:
+    """Give each episode its file at `places`, written or taken over from the older export, and `directory` its episodes.parquet.
+
+    `also` is what a file is made from beside its episode, plain data. Yields the facts of each episode. Raises ExportError for
+    unreadable episodes and for those that do not fit together."""
+    with closing(Provenance(directory / PROVENANCE)) as rows:
+        for episode, made in places.items():
+            made_from = ["episode", draft.hash_of(episode), *also]
+            kept = draft.keep(made, made_from)
+            with reading(episode) as file:
+                facts = read_facts(file, job.dataset)
+                rows.append(facts)
+                if not kept:
+                    made.parent.mkdir(parents=True, exist_ok=True)
+                    write(made, file, facts)
+                    draft.record(made, made_from)
+            job.advance()
+            yield facts
+
+
+def find_misplaced(wanted: Collection[Path], found: Collection[Path]) -> list[str]:
+    """Files that an export lacks or should not have."""
+    missing = [f"{path}: is missing" for path in sorted({*wanted} - {*found})]
+    return missing + [f"{path}: belongs to no episode" for path in sorted({*found} - {*wanted})]
+
+
+class Hdf5Exporter[O](Exporter[O]):
+    """Directories of files that are numbered in the order of the episodes."""
+
+    @abstractmethod
+    def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
+        """Directory -> its episodes in order. Episodes of one directory must have the same cameras, joints and fps."""
+
+    @abstractmethod
+    def file(self, directory: Path, index: int) -> Path:
+        """The file of an episode."""
+
+    @abstractmethod
+    def cameras(self, facts: Facts, options: O) -> dict[str, str]:
+        """Name in the file of each camera that the format takes. Raises ExportError if that fails."""
+
+    @abstractmethod
+    def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: Any) -> Contents:
+        """What the file of an episode holds. Raises ExportError for an episode that the format cannot hold."""
+
+    def shared(self, paths: Sequence[Path], options: O) -> Any:
+        """What the files of a directory depend on beside their own episodes, plain data; None for most formats."""
+        return None
+
+    def texts(self, index: int, facts: Facts) -> Mapping[str, str]:
+        """The text files of an episode by their names in the directory; most formats have none."""
+        return {}
+
+    def note(self, facts: Facts) -> Any:
+        """What `lists` needs of an episode."""
+        return None
+
+    def lists(self, notes: Sequence[Any]) -> Mapping[str, str]:
+        """The text files of a whole directory by name, from the notes of its episodes; most formats have none."""
+        return {}
+
+    def finish(self, directory: Path) -> None:
+        """Write what describes a whole directory, from its episodes.parquet; most formats have nothing more to write."""
+
+    def unfinished(self, directory: Path) -> list[str]:
+        """What is wrong with what `finish` wrote; [] when all is well. Raises what h5py and Arrow raise for damaged files."""
+        return []
+
+    def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
+        """Add what the summary has of a directory to its values, from the first episode."""
+        values.setdefault("cameras", {}).update(self.cameras(first, options))
+        values.setdefault("directories", []).append(name)
+
+    def export(self, job: Job[O]) -> dict[str, Any]:
+        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one directory that do not fit together."""
+        values: dict[str, Any] = {"episodes": len(job.episodes), "frames": 0}
+        with self.draft(job) as draft:
+            for directory, paths in self.directories(job.episodes, draft.folder).items():
+                shared, notes = self.shared(paths, job.options), list[Any]()
+
+                def write(made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared) -> None:
+                    self.contents(file, facts, job.options, shared).write(made)
+
+                places = {path: self.file(directory, index) for index, path in enumerate(paths)}
+                also = () if shared is None else (shared,)
+                for index, facts in enumerate(write_files(draft, job, directory, places, write, also)):
+                    if index == 0:
+                        self.sum_up(values, directory.relative_to(draft.folder).as_posix(), facts, job.options)
+                    _write_texts(directory, self.texts(index, facts))
+                    notes.append(self.note(facts))
+                    values["frames"] += len(facts)
+                _write_texts(directory, self.lists(notes))
+                self.finish(directory)
+            return self.summarize(draft.folder, job, values)
+
+    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: O) -> list[str]:
+        """Every array, text and attribute must be that of the episode."""
+        problems: list[str] = []
+        for directory, paths in self.directories(episodes, out).items():
+            shared, notes = self.shared(paths, options), list[Any]()
+            wanted = {self.file(directory, index) for index in range(len(paths))}
+            found = {path for path in self.file(directory, 0).parent.glob("*.hdf5") if path.is_file()}
+            problems += find_misplaced(wanted, found)
+            for index, path in enumerate(paths):
+                exported = self.file(directory, index)
+                with reading(path) as file:
+                    facts = read_facts(file, dataset)
+                    contents = self.contents(file, facts, options, shared) if exported in found else None
+                notes.append(self.note(facts))
+                if contents is not None:
+                    with judging(exported, problems):
+                        problems += [f"{exported}: {what} differs from {path}" for what in contents.differences(exported)]
+                    problems += _changed_texts(directory, self.texts(index, facts))
+            problems += _changed_texts(directory, self.lists(notes))
+            with judging(directory, problems):
+                problems += check_provenance(directory / PROVENANCE, dataset, paths)
+                problems += self.unfinished(directory)
+        return problems
+
+
+def _write_texts(directory: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        (directory / name).parent.mkdir(parents=True, exist_ok=True)
+        (directory / name).write_text(text)
+
+
+def _changed_texts(directory: Path, texts: Mapping[str, str]) -> list[str]:
+    problems: list[str] = []
+    for name, text in texts.items():
+        with judging(directory / name, problems):
+            if (directory / name).read_text() != text:
+                problems.append(f"{directory / name}: differs from the episodes")
+    return problems

@@ -1,0 +1,1 @@
+"""LeRobot datasets in versions 3.0 and 2.1."""

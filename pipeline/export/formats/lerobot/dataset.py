@@ -1,0 +1,141 @@
+"""What the versions of the LeRobot format have in common: an export of datasets, and the writer of one."""
+
+from abc import ABC, abstractmethod
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.export.exporter import Exporter, Job
+from pipeline.export.formats.lerobot.encoded import EncodedFile, Known
+from pipeline.export.formats.lerobot.format import (
+    column_stats,
+    data_columns,
+    described_cameras,
+    features_of,
+    image_key,
+    modality,
+    widen,
+)
+from pipeline.export.formats.lerobot.options import INDEX, LerobotOptions, datasets_of, index_row
+from pipeline.export.formats.lerobot.prepare import Prepared, Source, prepare_all
+from pipeline.export.formats.lerobot.reference import require_lerobot
+from pipeline.export.shared.common import ExportError, Facts, exported_cameras, same, write_json
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.provenance import Provenance
+from pipeline.export.shared.sensors import DEPTH
+from pipeline.export.shared.statistics import Stats, image_stats
+from pipeline.memory import freeze_garbage
+
+
+class LerobotExporter[O: LerobotOptions](Exporter[O]):
+    """What the versions of the format have in common: an export of one or several datasets, each made by a writer."""
+
+    version: str
+
+    @abstractmethod
+    def writer(self, draft: Draft, root: Path, first: Facts, options: O) -> "Writer":
+        """A writer of one dataset at `root`, whose episodes must be like the first."""
+
+    def export(self, job: Job[O]) -> dict[str, Any]:
+        """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
+        that differ in fps, cameras, image size or joint names. Raises MissingLerobot."""
+        require_lerobot()
+        job.options.video()  # refused before anything is read
+        with freeze_garbage(), self.draft(job) as draft:
+            folder, known = draft.folder, Known(draft)
+            parts, index = {}, []
+            wanted = DEPTH in self.sensors(job.options)
+            for name, (root, paths) in datasets_of(job.episodes, folder, job.options.per_task).items():
+                writer: Writer | None = None
+                specs = []
+                try:
+                    hashes = ((path, draft.hash_of(path)) for path in paths)
+                    sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
+                    for prepared in prepare_all(sources, job.dataset, job.options, min(job.workers, len(paths)), wanted):
+                        episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
+                        writer = writer or self.writer(draft, root, episode.facts, job.options)
+                        writer.append(episode)
+                        specs.append(prepared.facts.spec)
+                        job.advance()
+                finally:
+                    if writer is not None:
+                        writer.close()
+                assert writer is not None
+                parts[name] = writer.finish()
+                index.append(index_row(root.relative_to(folder).as_posix(), parts[name], specs))
+            if len(parts) > 1 or job.options.per_task:
+                write_json(folder / INDEX, index)
+            values: dict[str, Any] = {"version": self.version, "embodiments": sorted({row["embodiment"] for row in index})}
+            values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
+            return self.summarize(folder, job, values | {"fps": {name: p["fps"] for name, p in parts.items()}})
+
+    def configs(self, folder: Path) -> list[dict[str, Any]]:
+        """One configuration a dataset; none where there is one only, whose card lerobot has written."""
+        roots = [path.parent.parent for path in sorted(folder.rglob("meta/info.json"))]
+        names = [root.relative_to(folder).as_posix() for root in roots if root != folder]
+        return [{"config_name": name.replace("/", "-"), "data_files": f"{name}/data/*/*.parquet"} for name in names]
+
+
+def padded(facts: Facts, width: int | None) -> Facts:
+    """The episode with vectors of this width, if one is wanted. Raises ExportError for vectors that are wider."""
+    if width is not None and width < (own := len(facts.log.vector_names)):
+        raise ExportError(f"--pad {width}: {facts.spec.embodiment} has vectors of {own} numbers; choose {own} or more")
+    return widen(facts, width or 0)
+
+
+class Writer(ABC):
+    """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
+
+    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+        self.draft, self.root, self.first, self.codec = draft, root, first, options.video()
+        self.names = exported_cameras(first, options.camera_names)
+        self.features = features_of(first, self.codec, self.names)
+        self.tasks: dict[str, int] = {}
+        self.provenance = Provenance(root / "meta" / "domino_episodes.parquet")
+        self.encoded = EncodedFile(draft, root)
+        self.colors: dict[str, NDArray[np.int64]] = {}
+        self.sampled = self.frames = 0
+
+    def begin(self, episode: Prepared) -> tuple[int, dict[str, NDArray[Any]], dict[str, Stats]]:
+        """Index, columns and statistics of the next episode. Raises ExportError when it does not fit to the first one."""
+        facts = episode.facts
+        same(self.first, facts)
+        index, task = self.provenance.count, self.tasks.setdefault(facts.instruction, len(self.tasks))
+        columns = data_columns(facts, self.names, index, self.frames, task)
+        stats = column_stats(columns)
+        for camera, counts in episode.encoded.colors.items():
+            key = image_key(self.names[camera])
+            stats[key] = image_stats(counts, episode.encoded.sampled)
+            self.colors[key] = self.colors.get(key, 0) + counts
+        return index, columns, stats
+
+    def end(self, episode: Prepared, places: dict[str, tuple[Path, int]]) -> None:
+        """Count an episode as written; `places` are the video file and the number of its first image there by camera."""
+        self.provenance.append(episode.facts)
+        self.encoded.append(episode.sha, episode.encoded, places)
+        self.sampled += episode.encoded.sampled
+        self.frames += episode.facts.kept
+
+    @abstractmethod
+    def append(self, episode: Prepared) -> None:
+        """Add an episode."""
+
+    def close(self) -> None:
+        """Finish the files that episodes go to."""
+        with closing(self.encoded), closing(self.provenance):
+            return
+
+    def finish(self) -> dict[str, Any]:
+        """After `close`: write what describes the whole dataset; returns counts."""
+        meta = self.root / "meta"
+        summary = {"episodes": self.provenance.count, "frames": self.frames, "tasks": len(self.tasks), "fps": self.first.fps}
+        write_json(meta / "modality.json", modality(self.first, self.names))
+        described: dict[str, Any] = {"embodiment": self.first.spec.embodiment, "physics_key": self.first.meta.physics_key}
+        described["encoder"] = {"name": self.codec.name, **self.codec.options()}
+        described["cameras"] = described_cameras(self.first, self.names)
+        write_json(meta / "domino.json", summary | described | {"names": list(self.first.log.vector_names)})
+        return summary

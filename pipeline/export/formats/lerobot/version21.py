@@ -1,0 +1,197 @@
+"""LeRobot v2.1, which openpi and StarVLA read: one Parquet file and one mp4 a camera for every episode, JSON lines beside them.
+
+    data/chunk-000/episode_000000.parquet         the columns of v3.0
+    videos/chunk-000/<key>/episode_000000.mp4
+    meta/info.json, tasks.jsonl, episodes.jsonl, episodes_stats.jsonl, modality.json, domino.json, domino_episodes.parquet
+    meta/stats.json                               of all episodes: what GR00T normalizes with
+
+lerobot left this version in 2025, so its present release can neither write nor read it: the files are written here, and
+benchmarks/lerobot_v21.py has the last release that reads them do so.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.export.exporter import register
+from pipeline.export.formats.lerobot.check import check_columns, check_described, check_features, check_images
+from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
+from pipeline.export.formats.lerobot.format import data_columns, data_table, description, image_key, split_of, widen
+from pipeline.export.formats.lerobot.options import LerobotOptions, datasets_of
+from pipeline.export.formats.lerobot.prepare import Prepared
+from pipeline.export.formats.lerobot.reference import data_schema, write_card
+from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK
+from pipeline.export.shared.common import ExportError, Facts, exported_cameras, judging, read_facts, reading, write_json
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.provenance import check_provenance
+from pipeline.export.shared.video import frames_of
+from pipeline.export.shared.video_file import VideoFile
+
+VERSION = "v2.1"
+DATA_PATH = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+VIDEO_PATH = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
+GROOT_QUANTILES = {"q01": 0.01, "q99": 0.99}
+STATS = ("min", "max", "mean", "std", "count")
+
+
+def place(template: str, index: int, key: str = "") -> str:
+    """Path of an episode's data or video."""
+    return template.format(episode_chunk=index // FILES_PER_CHUNK, episode_index=index, video_key=key)
+
+
+class V21Writer(Writer):
+    """Version 2.1: files of every episode."""
+
+    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+        super().__init__(draft, root, first, options)
+        self.schema = readable_by_old(data_schema(self.features))
+        self.rows: list[dict[str, Any]] = []
+        self.stats: list[dict[str, Any]] = []
+
+    def append(self, episode: Prepared) -> None:
+        facts = episode.facts
+        index, columns, stats = self.begin(episode)
+        path = self.root / place(DATA_PATH, index)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(data_table(columns, self.schema), path)
+        places = {}
+        for camera, clip in episode.encoded.videos.items():
+            key = image_key(self.names[camera])
+            video = VideoFile(self.root / place(VIDEO_PATH, index, key), facts.fps, self.draft)
+            try:
+                video.append(clip, facts.kept)
+            except ValueError as error:
+                raise ExportError(f"{facts.source}: {key}: {error}") from error
+            finally:
+                video.close()
+            places[camera] = video.path, 0
+        self.rows.append({"episode_index": index, "tasks": [facts.instruction], "length": facts.kept})
+        plain = {name: {stat: entry[stat].tolist() for stat in STATS} for name, entry in stats.items()}
+        self.stats.append({"episode_index": index, "stats": plain})
+        self.end(episode, places)
+
+    def finish(self) -> dict[str, Any]:
+        summary = super().finish()
+        meta, episodes = self.root / "meta", summary["episodes"]
+        info = {
+            "codebase_version": VERSION,
+            "robot_type": self.first.spec.embodiment,
+            "total_episodes": episodes,
+            "total_frames": summary["frames"],
+            "total_tasks": summary["tasks"],
+            "total_videos": episodes * len(self.names),
+            "total_chunks": -(-episodes // FILES_PER_CHUNK),
+            "chunks_size": FILES_PER_CHUNK,
+            "fps": self.first.fps,
+            "splits": {split_of(self.first): f"0:{episodes}"},
+            "data_path": DATA_PATH,
+            "video_path": VIDEO_PATH,
+            "features": self.features,
+        }
+        (meta / "info.json").write_text(json.dumps(info, indent=4) + "\n")
+        write_lines(meta / "tasks.jsonl", ({"task_index": i, "task": task} for task, i in self.tasks.items()))
+        write_lines(meta / "episodes.jsonl", self.rows)
+        write_lines(meta / "episodes_stats.jsonl", self.stats)
+        write_json(meta / "stats.json", groot_stats(self.root, self.features))
+        write_card(self.root, description(summary, self.first), summary["frames"])
+        return summary
+
+
+def readable_by_old(schema: pa.Schema) -> pa.Schema:
+    """A schema whose Hugging Face features old versions of datasets understand: lists of fixed length were called Sequence."""
+    metadata = dict(schema.metadata)
+    metadata[b"huggingface"] = metadata[b"huggingface"].replace(b'"_type": "List"', b'"_type": "Sequence"')
+    return schema.with_metadata(metadata)
+
+
+def groot_stats(root: Path, features: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, list[float]]]:
+    """meta/stats.json as GR00T makes it where it is missing: mean, std, min, max, q01 and q99 over all frames of every feature of
+    floating point numbers, quantiles interpolated linearly."""
+    files = sorted((root / "data").rglob("*.parquet"))
+    stats = {}
+    for name in (name for name, feature in features.items() if feature["dtype"].startswith("float")):
+        columns = [pq.read_table(file, columns=[name], use_threads=False)[name].combine_chunks() for file in files]
+        values = np.concatenate([_rows(column) for column in columns]).astype(np.float64)
+        entry = {"mean": values.mean(0), "std": values.std(0), "min": values.min(0), "max": values.max(0)}
+        entry |= {key: np.quantile(values, q, axis=0) for key, q in GROOT_QUANTILES.items()}
+        stats[name] = {key: value.tolist() for key, value in entry.items()}
+    return stats
+
+
+def _rows(column: pa.Array) -> NDArray[Any]:
+    """A column of numbers or of lists of one length as (N,d)."""
+    flat = column.flatten() if pa.types.is_fixed_size_list(column.type) else column
+    return flat.to_numpy().reshape(len(column), -1)
+
+
+def write_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """JSON, one row a line."""
+    path.write_text("".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+
+
+@register
+class LerobotV21(LerobotExporter[LerobotOptions]):
+    """LeRobot v2.1."""
+
+    name = "lerobot-v2.1"
+    options = LerobotOptions
+    version = VERSION
+
+    def writer(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> Writer:
+        return V21Writer(draft, root, first, options)
+
+    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: LerobotOptions) -> list[str]:
+        """Counts, every number, tasks, and every decoded image must be the episode's."""
+        problems: list[str] = []
+        for root, paths in datasets_of(episodes, out, options.per_task).values():
+            with judging(root, problems):
+                problems += _check_dataset(dataset, root, paths, options)
+                problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths, options.after_success)
+        return problems
+
+
+def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], options: LerobotOptions) -> list[str]:
+    info = json.loads((root / "meta/info.json").read_text())
+    width = len(info["features"]["action"]["names"])
+    rows = [json.loads(line) for line in (root / "meta/episodes.jsonl").read_text().splitlines()]
+    tasks = [json.loads(line)["task"] for line in (root / "meta/tasks.jsonl").read_text().splitlines()]
+    problems = check_features(root, info)
+    found = len(list((root / "data").rglob("*.parquet")))
+    for what, got in (("episodes", info["total_episodes"]), ("episode rows", len(rows)), ("data files", found)):
+        if got != len(paths):
+            problems.append(f"{root}: has {got} {what} for {len(paths)} episodes")
+    with reading(paths[0]) as file:
+        first = widen(read_facts(file, dataset), width)
+    with judging(root / "meta", problems):
+        problems += check_described(root, first, options.camera_names, len(paths))
+        stats = [json.loads(line) for line in (root / "meta/episodes_stats.jsonl").read_text().splitlines()]
+        if json.loads((root / "meta/stats.json").read_text()) != groot_stats(root, info["features"]):
+            problems.append(f"{root}/meta/stats.json: is not that of the data")
+        if [row["episode_index"] for row in stats] != list(range(len(paths))):
+            problems.append(f"{root}/meta/episodes_stats.jsonl: has not one row an episode")
+    start = 0
+    for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
+        with reading(path) as file:
+            facts = widen(read_facts(file, dataset, options.after_success), width)
+            names = exported_cameras(facts, options.camera_names)
+            with judging(root, problems):
+                if row != {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}:
+                    problems.append(f"{root}: episode {index} is not {path}: its row has {row}")
+                task = tasks.index(facts.instruction) if facts.instruction in tasks else -1
+                columns, at = data_columns(facts, names, index, start, task), root / place(DATA_PATH, index)
+                problems += [f"{at}: {p} ({path.name})" for p in check_columns(at, index, columns)]
+            for camera, name in names.items():
+                mp4 = root / place(VIDEO_PATH, index, image_key(name))
+                with judging(mp4, problems):
+                    video = [(time, np.asarray(rgb)) for time, rgb in frames_of(mp4)]
+                    problems += [f"{mp4}: {p} ({path.name})" for p in check_images(file, camera, facts.kept, video, 0.0)]
+        start += facts.kept
+    if info["total_frames"] != start:
+        problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
+    return problems

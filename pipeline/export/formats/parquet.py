@@ -1,0 +1,245 @@
+"""Flat Parquet: one row a frame, images as the JPEG bytes of the episode file, annotations joined; columns in docs/exports.md.
+
+    data-00000.parquet ...   about FILE_BYTES each; a row group holds one episode, or a part of one of GROUP_BYTES
+    episodes.parquet         one row an episode: `provenance.PROVENANCE_SCHEMA`
+    README.md                the card; its front matter names both as configurations of the dataset
+    export.json              the summary
+
+`state` and `action` are lists of the embodiment's own width; their joint names are in the schema metadata, key "domino".
+An image is a struct {bytes, path}, as Hugging Face datasets stores images: `load_dataset(OUT)` decodes them; everything else reads
+the bytes.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.data.annotations import stages_of
+from pipeline.export.exporter import Exporter, Job, register
+from pipeline.export.formats.parquet_table import CONSTANTS, Plan, episode_table
+from pipeline.export.options import camera_names_option, option, whole
+from pipeline.export.shared.annotations import Joined, annotation_hashes, joined_of
+from pipeline.export.shared.common import (
+    EXPORT_FAULTS,
+    ExportError,
+    Facts,
+    exported_cameras,
+    judging,
+    read_facts,
+    read_summary,
+    reading,
+    sort_episodes,
+    source_of,
+)
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.shared.sensors import IMAGE, SENSORS, sensors_of
+from pipeline.export.shared.tables import TableWriter
+
+FILE_BYTES = 200 * 1024 * 1024
+GROUP_BYTES = 64 * 1024 * 1024  # the hub's viewer refuses row groups of some 300 MB, and reads smaller ones faster
+
+
+@dataclass(frozen=True)
+class ParquetOptions:
+    """Options of the Parquet format: a new file begins when one has reached `file_bytes`."""
+
+    file_bytes: int = option("bytes after which another file begins", whole(1), FILE_BYTES)
+    group_bytes: int = option("bytes of images and annotations that a row group does not exceed", whole(1), GROUP_BYTES)
+    annotations: str = option("annotations to join: all, none, or directories like flow@0a1b2c3d,masks@...", str, "all")
+    camera_names: Mapping[str, str] = camera_names_option()
+
+
+@register
+class Parquet(Exporter[ParquetOptions]):
+    """One row a frame; mixed embodiments share the files."""
+
+    name = "parquet"
+    options = ParquetOptions
+
+    def export(self, job: Job[ParquetOptions]) -> dict[str, Any]:
+        """Write `job.out`. Raises ExportError for unreadable episodes, and for episodes that differ in fps or cameras."""
+        paths = sort_episodes(job.episodes)
+        with self.draft(job) as draft:
+            folder = draft.folder
+            firsts = _firsts(paths, job.dataset)
+            sensors = _sensors(paths)
+            plan = _plan(firsts, job.options, sensors, joined_of(job.dataset, job.options.annotations, job.options.camera_names))
+            files = _Files(draft, plan, job.options)
+            rows = Provenance(folder / PROVENANCE)
+            with closing(rows), closing(files):
+                items = [_item(index, path, draft, plan, job.dataset) for index, path in enumerate(paths)]
+                kept = 0
+                for index, path in enumerate(paths):
+                    if index >= kept:
+                        kept = index + files.keep(items, index)
+                    with reading(path) as file:
+                        facts = read_facts(file, job.dataset)
+                        rows.append(facts)
+                        if index >= kept:
+                            files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
+                    job.advance()
+            values = {
+                "episodes": len(paths),
+                "frames": rows.frames,
+                "files": files.count,
+                "fps": plan.fps,
+                "embodiments": sorted(firsts),
+            }
+            return self.summarize(folder, job, values | {"annotations": [one.directory for one in plan.joined]})
+
+    def sensors(self, options: ParquetOptions) -> Collection[str]:
+        return SENSORS
+
+    def configs(self, folder: Path) -> list[dict[str, Any]]:
+        return [
+            {"config_name": "frames", "data_files": "data-*.parquet", "default": True},
+            {"config_name": "episodes", "data_files": PROVENANCE},
+        ]
+
+    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: ParquetOptions) -> list[str]:
+        """Every value and every byte of the images must be the episode's."""
+        paths = sort_episodes(episodes)
+        files = sorted(out.glob("data-*.parquet"))
+        problems: list[str] = []
+        try:
+            # annotations that have been deleted since cannot be compared
+            left = [directory for directory in read_summary(out)["annotations"] if directory in stages_of(dataset)]
+            chosen = ",".join(left) or "none"
+            joined = joined_of(dataset, chosen, options.camera_names)
+            plan = _plan(_firsts(paths, dataset), options, _sensors(paths), joined)
+            groups = [group for file in files for group in _groups(file)]
+        except (*EXPORT_FAULTS, ExportError, pa.ArrowException) as error:
+            return [f"{out}: cannot be read ({' '.join(str(error).split())})"]
+        for index, path in enumerate(paths):
+            with reading(path) as file:
+                facts = read_facts(file, dataset)
+                mine = _take(groups, len(facts))
+                if not mine:
+                    problems.append(f"{out}: no row groups hold the {len(facts)} frames of {path}")
+                    break
+                where = f"{mine[0][0]}, row group {mine[0][1]}"
+                with judging(mine[0][0], problems):
+                    try:
+                        want = episode_table(index, facts, file, plan, dataset)
+                    except ExportError as error:
+                        problems.append(str(error))
+                        continue
+                    got = pa.concat_tables([pq.ParquetFile(name).read_row_group(group) for name, group in mine])
+                    differ = [c for c in want.column_names if c not in got.column_names or not got[c].equals(want[c])]
+                    problems += [f"{where}: column {c} differs from {path}" for c in differ]
+        if groups:
+            problems.append(f"{out}: has {len(groups)} row groups that belong to no episode")
+        with judging(out / PROVENANCE, problems):
+            problems += check_provenance(out / PROVENANCE, dataset, paths)
+        return problems
+
+
+def _groups(file: Path) -> list[tuple[Path, int, int]]:
+    """File, number and rows of every row group of a file."""
+    metadata = pq.read_metadata(file)
+    return [(file, i, metadata.row_group(i).num_rows) for i in range(metadata.num_row_groups)]
+
+
+def _take(groups: list[tuple[Path, int, int]], rows: int) -> list[tuple[Path, int]]:
+    """The first row groups, taken from the list, that have so many rows together; [] where none have."""
+    taken = []
+    while groups and rows > 0:
+        name, group, count = groups.pop(0)
+        taken.append((name, group))
+        rows -= count
+    return taken if rows == 0 else []
+
+
+def _sensors(paths: Sequence[Path]) -> set[str]:
+    """Sensors that any of the episodes stores."""
+    found = set[str]()
+    for path in paths:
+        with reading(path) as file:
+            found |= set(sensors_of(file, file.cameras))
+    return found
+
+
+def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, sensors: Collection[str], joined: Sequence[Joined]) -> Plan:
+    reference = next(iter(firsts.values()))
+    names = {name: list(f.log.vector_names) for name, f in firsts.items()}
+    return Plan(reference.fps, exported_cameras(reference, options.camera_names), names, sensors, joined, reference.corrected)
+
+
+def _item(index: int, path: Path, draft: Draft, plan: Plan, dataset: Path) -> list[Any]:
+    """All that the rows of an episode are made from."""
+    source = source_of(path, dataset)
+    return [index, source, draft.hash_of(path), *annotation_hashes(plan.joined, dataset, source)]
+
+
+class _Files:
+    """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `file_bytes`."""
+
+    def __init__(self, draft: Draft, plan: Plan, options: ParquetOptions) -> None:
+        self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
+        coded = [field.name for field in self.schema if field.type == IMAGE]
+        # JPEG and PNG bytes neither compress nor repeat
+        codecs = {name: "ZSTD" for name in self.schema.names if name not in coded} | {f"{name}.bytes": "NONE" for name in coded}
+        self.settings: dict[str, Any] = {"compression": codecs, "use_dictionary": [*CONSTANTS]}
+        # pages end where the content says, so that a store that keeps equal pieces once keeps what has not changed
+        self.settings |= {"use_content_defined_chunking": True}
+        self._writer: TableWriter | None = None
+        self._items: list[list[Any]] = []
+
+    def keep(self, items: Sequence[list[Any]], start: int) -> int:
+        """Take over the next file where the older export has one of the episodes from `start`; returns of how many."""
+        name = f"data-{self.count:05d}.parquet"
+        said = self.draft.older.files.get(name, {})
+        count, full = said.get("episodes", 0), said.get("full", False)
+        if self._writer is not None or not 0 < count <= len(items) - start:
+            return 0
+        if not full and count < len(items) - start:  # it ended for want of episodes, and there are more
+            return 0
+        made_from = self._sources_of(items[start : start + count])
+        if not self.draft.keep(self.draft.folder / name, made_from, episodes=count, full=full):
+            return 0
+        self.count += 1
+        return count
+
+    def _sources_of(self, items: Sequence[list[Any]]) -> list[Any]:
+        return [self.schema.serialize().to_pybytes().hex(), *items]
+
+    def write(self, table: pa.Table, item: list[Any]) -> None:
+        """Write the rows of an episode that were made from `item`."""
+        path = self.draft.folder / f"data-{self.count:05d}.parquet"
+        if self._writer is None:
+            self._writer = TableWriter(path, self.schema, **self.settings)
+        self._items.append(item)
+        groups = max(1, -(-table.nbytes // self.options.group_bytes))
+        self._writer.write_table(table, row_group_size=max(1, -(-len(table) // groups)))
+        if path.stat().st_size >= self.options.file_bytes:
+            self.close(full=True)
+
+    def close(self, full: bool = False) -> None:
+        """Finish the file that is being written; `full` if it is complete whatever episodes follow."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+            path = self.draft.folder / f"data-{self.count:05d}.parquet"
+            self.draft.record(path, self._sources_of(self._items), episodes=len(self._items), full=full)
+            self.count, self._items = self.count + 1, []
+
+
+def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
+    """Embodiment -> its first episode; raises ExportError where two of these differ in fps or cameras."""
+    firsts: dict[str, Facts] = {}
+    for path in paths:
+        with reading(path) as file:
+            if file.spec.embodiment not in firsts:
+                firsts[file.spec.embodiment] = read_facts(file, dataset)
+    reference, *others = firsts.values()
+    for other in others:
+        for name, want, got in (("fps", reference.fps, other.fps), ("cameras", reference.cameras, other.cameras)):
+            if want != got:
+                raise ExportError(f"{other.source}: {name} {got} differs from {want} of {reference.source}; export them separately")
+    return firsts

@@ -1,0 +1,151 @@
+"""robomimic HDF5, which robomimic, diffusion_policy and MimicGen's tools read.
+
+    <robot>/demos.hdf5               data/demo_{i}: links to the files below; total, env_args; mask/<name>: demos
+    <robot>/demos/demo_{i}.hdf5      one demonstration, which demos.hdf5 needs beside it
+      actions (T,A) float32, rewards (T,), dones (T,), states (T,0)
+      obs/{joint_pos (T,A), left_eef_pose (T,7), right_eef_pose (T,7), object (T,10)}            float32
+      obs/{<camera>_image (T,H,W,3) uint8 RGB, <camera>_depth (T,H,W,1) float32 m}
+      next_obs/...                   the same a frame later, the last frame twice; only a reference, no copy
+      attributes: num_samples, task, embodiment, instruction, names, fps, spec
+
+One robot needs no directory of its own. `obs[t]` is measured at frame t, `actions[t]` are the joint targets commanded for the
+interval after it, in rad, grippers 0 to 1: robomimic's `normalization: min_max` of actions brings them to -1..1. `rewards` and
+`dones` are 1 in the last frame, rewards of failed attempts 0. `object` is the true pose and velocity (m/s) of the target. Masks
+are `train` and `valid` (every tenth `physics_id`, by its hash), and one for every task and level.
+"""
+
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
+from pipeline.export.exporter import register
+from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
+from pipeline.export.options import camera_names_option, image_size, option
+from pipeline.export.shared.common import Facts, by_embodiment, exported_cameras
+from pipeline.export.shared.images import resize
+from pipeline.export.shared.provenance import PROVENANCE
+
+INDEX, DEMOS = "demos.hdf5", "demos"
+GYM_TYPE = 2
+"""robomimic's number for environments that are not robosuite's."""
+
+HELD_OUT = 10
+"""One of so many values of `physics_id` is for validation."""
+
+
+@dataclass(frozen=True)
+class RobomimicOptions:
+    """Options of the format; `size` is (height, width) in pixels."""
+
+    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None)
+    camera_names: Mapping[str, str] = camera_names_option()
+
+
+@register
+class Robomimic(Hdf5Exporter[RobomimicOptions]):
+    """One dataset a robot."""
+
+    name = "robomimic"
+    options = RobomimicOptions
+
+    def sensors(self, options: RobomimicOptions) -> Collection[str]:
+        return ("depth",)
+
+    def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
+        return dict(by_embodiment(episodes, out).values())
+
+    def file(self, directory: Path, index: int) -> Path:
+        return directory / DEMOS / f"demo_{index}.hdf5"
+
+    def cameras(self, facts: Facts, options: RobomimicOptions) -> dict[str, str]:
+        return exported_cameras(facts, options.camera_names)
+
+    def contents(self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None) -> Contents:
+        log, last = facts.log, np.arange(len(facts)) == len(facts) - 1
+        obs: dict[str, NDArray[Any]] = {
+            "joint_pos": log.state,
+            **{f"{side}_eef_pose": log.tcp[:, i] for i, side in enumerate(log.sides)},
+            "object": np.hstack([facts.target, log.target_velocity]),
+        }
+        obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
+        for camera, name in self.cameras(facts, options).items():
+            obs[f"obs/{name}_image"] = np.stack([resize(image, options.size) for image in file.frames(camera)])
+            if file.has(f"observation/{camera}/depth"):
+                depth = file.array(f"observation/{camera}/depth") / np.float32(1000)
+                obs[f"obs/{name}_depth"] = np.stack([_nearest(image, options.size) for image in depth])[..., None]
+        values = {
+            "actions": log.action.astype(np.float32),
+            "rewards": (last & (facts.meta.failure is None)).astype(np.float32),
+            "dones": last.astype(np.int64),
+            "states": np.zeros((len(facts), 0), np.float32),
+            **obs,
+        }
+        attributes = {
+            "num_samples": len(facts),
+            "task": facts.spec.task,
+            "embodiment": facts.spec.embodiment,
+            "instruction": facts.instruction,
+            "names": list(log.vector_names),
+            "fps": facts.fps,
+            "spec": facts.spec.to_json(),
+        }
+        return Contents(values, attributes, {f"next_{key}": key for key in obs})
+
+    def finish(self, directory: Path) -> None:
+        """Write demos.hdf5."""
+        attributes, masks, count = index_of(directory / PROVENANCE)
+        with new_hdf5(directory / INDEX) as f:
+            data, mask = f.create_group("data"), f.create_group("mask")
+            data.attrs.update(attributes)
+            for index in range(count):
+                data[f"demo_{index}"] = h5py.ExternalLink(f"{DEMOS}/demo_{index}.hdf5", "/")
+            for name, demos in masks.items():
+                mask[name] = np.array(demos, "S")
+
+    def unfinished(self, directory: Path) -> list[str]:
+        """Compare demos.hdf5 with episodes.parquet."""
+        attributes, masks, count = index_of(directory / PROVENANCE)
+        with open_hdf5(directory / INDEX) as opened:
+            f: Any = opened
+            links = {name: f["data"].get(name, getlink=True) for name in f["data"]}
+            wanted = {f"demo_{i}": f"{DEMOS}/demo_{i}.hdf5" for i in range(count)}
+            differ = ["links"] * ({name: getattr(link, "filename", None) for name, link in links.items()} != wanted)
+            differ += [name for name, want in attributes.items() if f["data"].attrs.get(name) != want]
+            differ += ["mask"] * ({name: [demo.decode() for demo in f["mask"][name][()]] for name in f["mask"]} != masks)
+        return [f"{directory / INDEX}: {what} are not those of the episodes" for what in differ]
+
+
+def index_of(provenance: Path) -> tuple[dict[str, Any], dict[str, list[str]], int]:
+    """Attributes of the data, demos by mask, and the number of demos, from an episodes.parquet."""
+    rows = pq.read_table(provenance, columns=["length", "task", "level", "physics_id", "source"]).to_pylist()
+    masks: dict[str, list[str]] = defaultdict(list)
+    for index, row in enumerate(rows):
+        for name in (_split(row["physics_id"] or row["source"]), row["task"], f"{row['task']}_L{row['level']}"):
+            masks[name].append(f"demo_{index}")
+    tasks = sorted({row["task"] for row in rows})
+    environment = {"env_name": "+".join(tasks), "type": GYM_TYPE, "env_kwargs": {}}
+    attributes = {"total": sum(row["length"] for row in rows), "env_args": json.dumps(environment)}
+    return attributes, {name: masks[name] for name in sorted(masks)}, len(rows)
+
+
+def _split(physics_id: str) -> str:
+    return "train" if int(hashlib.sha256(physics_id.encode()).hexdigest(), 16) % HELD_OUT else "valid"
+
+
+def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:
+    """Depth (H,W) at another size: no value between that of an object and that of what is behind it."""
+    if size is None:
+        return depth
+    rows, columns = (np.arange(n) * m // n for n, m in zip(size, depth.shape, strict=True))
+    return depth[np.ix_(rows, columns)]

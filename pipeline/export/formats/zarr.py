@@ -1,0 +1,208 @@
+"""Replay buffers in zarr, as Diffusion Policy and 3D Diffusion Policy (DP3) read them: all episodes of a robot one after another.
+
+    <robot>/replay_buffer.zarr/      one robot needs no directory of its own
+      data/state (N,A) float32, data/action (N,A) float32
+      data/{img, left_camera, right_camera, ...} (N,H,W,3) uint8 RGB, or (N,3,H,W) with --channels first
+      data/depth_{img, ...} (N,H,W) uint16 mm          where all episodes have depth
+      data/point_cloud (N,1024,6) float32              x y z r g b, where all episodes have point clouds
+      meta/episode_ends (E,) int64                     the row after the last of each episode
+    <robot>/episodes.parquet         where each episode comes from
+
+`state` is measured at a frame, `action` is the joint target commanded for the interval after it: nothing is shifted, which is how
+both policies pair them. A chunk holds --chunk-frames frames of an array.
+"""
+
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.names import HEAD
+from pipeline.export.exporter import Exporter, Job, register
+from pipeline.export.formats.zarr_files import GROUP, ZarrArray, begin_group
+from pipeline.export.options import camera_names, image_size, one_of, option, whole
+from pipeline.export.shared.common import ExportError, Facts, by_embodiment, exported_cameras, judging, read_facts, reading
+from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.images import resize
+from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+
+BUFFER = "replay_buffer.zarr"
+
+
+@dataclass(frozen=True)
+class ZarrOptions:
+    """Options of the format; `size` is (height, width) in pixels."""
+
+    size: tuple[int, int] | None = option("WIDTHxHEIGHT in pixels to resize images to, like 84x84", image_size, None)
+    channels: Literal["first", "last"] = option("last: (N,H,W,3); first: (N,3,H,W), RoboTwin's DP", one_of("first", "last"), "last")
+    chunk_frames: int = option("frames of a chunk", whole(1), 100)
+    camera_names: Mapping[str, str] = option("names of cameras; default head=img, the others as stored", camera_names, factory=dict)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Rows of an episode that lie in a chunk: `start` to `stop` of the file, which has the hash `sha`."""
+
+    path: Path
+    sha: str
+    start: int
+    stop: int
+
+
+@dataclass
+class Buffer:
+    """The episodes of a robot as one sequence of N rows; the arrays of the last episode read stay in memory."""
+
+    dataset: Path
+    paths: Sequence[Path]
+    options: ZarrOptions
+    last: tuple[Path, dict[str, NDArray[Any]]] | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        lengths = []
+        for path in self.paths:
+            with reading(path) as file:
+                lengths.append(len(file))
+        self.ends = np.cumsum(lengths)
+        self.kinds = {key: (value.dtype, value.shape[1:]) for key, value in self.values(self.paths[0]).items()}
+
+    def arrays(self, root: Path) -> dict[str, ZarrArray]:
+        """Arrays on disk by key."""
+        count, rows = int(self.ends[-1]), self.options.chunk_frames
+        return {key: ZarrArray(root / "data" / key, (count, *shape), dtype, rows) for key, (dtype, shape) in self.kinds.items()}
+
+    def spans(self, chunk: int, hashes: Mapping[Path, str]) -> list[Span]:
+        """The parts of episodes that make a chunk."""
+        low, high = chunk * self.options.chunk_frames, min((chunk + 1) * self.options.chunk_frames, int(self.ends[-1]))
+        spans = []
+        first, last = np.searchsorted(self.ends, (low, high - 1), side="right").tolist()
+        for number in range(first, last + 1):
+            path, start = self.paths[number], int(self.ends[number - 1]) if number else 0
+            spans.append(Span(path, hashes.get(path, ""), max(low - start, 0), min(high, int(self.ends[number])) - start))
+        return spans
+
+    def chunk(self, key: str, spans: Sequence[Span]) -> NDArray[Any]:
+        """The rows of a chunk of an array."""
+        return np.concatenate([self.values(span.path)[key][span.start : span.stop] for span in spans])
+
+    def values(self, path: Path) -> dict[str, NDArray[Any]]:
+        """Arrays of an episode by key, frames first. Raises ExportError for one that has other arrays than the first episode."""
+        if self.last is None or self.last[0] != path:
+            with reading(path) as file:
+                values = episode_values(file, read_facts(file, self.dataset), self.options)
+            kinds = {key: (value.dtype, value.shape[1:]) for key, value in values.items()}
+            if self.last is not None and kinds != self.kinds:
+                odd = sorted(key for key in {*kinds, *self.kinds} if kinds.get(key) != self.kinds.get(key))
+                raise ExportError(f"{path}: {odd[0]} is not as in {self.paths[0]}; export them separately with --where")
+            self.last = path, values
+        return self.last[1]
+
+
+def episode_values(file: EpisodeFile, facts: Facts, options: ZarrOptions) -> dict[str, NDArray[Any]]:
+    """Arrays of an episode by key, frames first. Raises ExportError for a --camera-names that does not fit."""
+    values: dict[str, NDArray[Any]] = {"state": facts.log.state.astype(np.float32), "action": facts.log.action.astype(np.float32)}
+    for camera, name in cameras_of(facts, options).items():
+        images = np.stack([resize(image, options.size) for image in file.frames(camera)])
+        values[name] = np.moveaxis(images, -1, 1) if options.channels == "first" else images
+        if file.has(f"observation/{camera}/depth"):
+            values[f"depth_{name}"] = file.array(f"observation/{camera}/depth")
+    if file.has("pointcloud"):
+        values["point_cloud"] = file.array("pointcloud").astype(np.float32)
+    return values
+
+
+def cameras_of(facts: Facts, options: ZarrOptions) -> dict[str, str]:
+    """Name of the array of each camera. Raises ExportError for a --camera-names that does not fit."""
+    usual = {camera: "img" if camera == HEAD else camera for camera in facts.cameras}
+    return exported_cameras(facts, {**usual, **options.camera_names})
+
+
+@register
+class Zarr(Exporter[ZarrOptions]):
+    """One replay buffer a robot."""
+
+    name = "zarr"
+    options = ZarrOptions
+
+    def sensors(self, options: ZarrOptions) -> Collection[str]:
+        return ("depth", "pointcloud")
+
+    def export(self, job: Job[ZarrOptions]) -> dict[str, Any]:
+        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one robot that do not fit together."""
+        with self.draft(job) as draft:
+            frames, cameras = 0, dict[str, str]()
+            for directory, paths in by_embodiment(job.episodes, draft.folder).values():
+                buffer = Buffer(job.dataset, paths, job.options)
+                cameras |= _describe(buffer, directory, job)
+                _write(buffer, directory / BUFFER, draft)
+                frames += int(buffer.ends[-1])
+            return self.summarize(draft.folder, job, {"episodes": len(job.episodes), "frames": frames, "cameras": cameras})
+
+    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: ZarrOptions) -> list[str]:
+        """Every chunk, made again, must have the values on disk."""
+        problems: list[str] = []
+        for directory, paths in by_embodiment(episodes, out).values():
+            buffer, root = Buffer(dataset, paths, options), directory / BUFFER
+            arrays = [*buffer.arrays(root).values(), ends_of(buffer, root)]
+            with judging(root, problems):
+                problems += list(_compare(buffer, root, arrays))
+                problems += check_provenance(directory / PROVENANCE, dataset, paths)
+        return problems
+
+
+def ends_of(buffer: Buffer, root: Path) -> ZarrArray:
+    """The array of the ends of episodes, which is one chunk."""
+    return ZarrArray(root / "meta" / "episode_ends", (len(buffer.ends),), np.dtype("<i8"), len(buffer.ends))
+
+
+def _describe(buffer: Buffer, directory: Path, job: Job[ZarrOptions]) -> dict[str, str]:
+    """Write episodes.parquet and return the names of the cameras; refuse episodes that do not fit together."""
+    names = dict[str, str]()
+    with closing(Provenance(directory / PROVENANCE)) as rows:
+        for path in buffer.paths:
+            with reading(path) as file:
+                facts = read_facts(file, job.dataset)
+            names = cameras_of(facts, job.options)
+            rows.append(facts)
+            job.advance()
+    return names
+
+
+def _write(buffer: Buffer, root: Path, draft: Draft) -> None:
+    hashes = {path: draft.hash_of(path) for path in buffer.paths}
+    arrays, ends = buffer.arrays(root), ends_of(buffer, root)
+    for folder in (root, root / "data", root / "meta"):
+        begin_group(folder)
+    for array in (*arrays.values(), ends):
+        array.begin()
+    ends.write(0, buffer.ends)
+    for number in range(arrays["state"].chunks):
+        spans = buffer.spans(number, hashes)
+        for key, array in arrays.items():
+            made_from = [key, array.shape[1:], [[span.sha, span.start, span.stop] for span in spans]]
+            if not draft.keep(array.chunk(number), made_from):
+                array.write(number, buffer.chunk(key, spans))
+                draft.record(array.chunk(number), made_from)
+
+
+def _compare(buffer: Buffer, root: Path, arrays: Sequence[ZarrArray]) -> Iterator[str]:
+    wanted = {root / folder / ".zgroup": GROUP for folder in (".", "data", "meta")}
+    wanted |= {array.folder / ".zarray": array.description for array in arrays}
+    for path, text in wanted.items():
+        if json.loads(path.read_text()) != json.loads(text):
+            yield f"{path}: does not describe the episodes"
+    found = {path for path in root.rglob("*") if path.is_file()}
+    chunks = {array.chunk(number) for array in arrays for number in range(array.chunks)}
+    yield from (f"{path}: belongs to no episode" for path in sorted(found - chunks - set(wanted)))
+    for number in range(arrays[0].chunks):
+        for array in arrays[:-1]:
+            if not array.holds(number, buffer.chunk(array.folder.name, buffer.spans(number, {}))):
+                yield f"{array.chunk(number)}: differs from the episodes"
+    if not arrays[-1].holds(0, buffer.ends):
+        yield f"{arrays[-1].folder}: differs from the episodes"

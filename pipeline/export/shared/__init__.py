@@ -1,0 +1,1 @@
+"""What several formats share: selection, images, videos, statistics, hashes and provenance."""

@@ -1,0 +1,173 @@
+"""Annotations of a dataset as columns, one value a frame: flow maps, masks as run lengths, features of objects.
+
+A directory <stage>@<key8> gives columns whose names are made of the stage and the exported name of its camera, with the eight
+digits behind them only where two directories would get the same. An episode without that annotation has nulls.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.keys import file_hash
+from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.export.shared.common import ExportError, Facts
+from pipeline.export.shared.freshness import command, stale
+from pipeline.export.shared.sensors import IMAGE, image_column, png
+
+MASK = pa.struct(
+    [
+        *(("object", pa.string()), ("height", pa.int32()), ("width", pa.int32()), ("counts", pa.list_(pa.int32()))),
+        *(("box", pa.list_(pa.float32())), ("score", pa.float32()), ("area", pa.int32()), ("valid", pa.bool_())),
+    ]
+)
+FEATURE = pa.struct(
+    [("object", pa.string()), ("feature", pa.list_(pa.float32())), ("valid", pa.bool_()), ("coverage", pa.float32())]
+)
+COLUMNS: dict[str, dict[str, pa.DataType]] = {
+    "flow": {"flow": pa.binary(), "flow_rgb": IMAGE, "flow_scale": pa.float32(), "flow_previous": pa.int64()},
+    "masks": {"masks": pa.list_(MASK)},
+    "features": {"features": pa.list_(FEATURE)},
+}
+"""Columns of each stage, before the camera is added to their names."""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """A directory of annotations that is joined: its name, stage and parameters, and the ending of its columns' names."""
+
+    directory: str
+    stage: str
+    parameters: Mapping[str, Any]
+    suffix: str
+
+    @property
+    def columns(self) -> dict[str, pa.DataType]:
+        """Column -> Arrow type."""
+        return {f"{name}_{self.suffix}": kind for name, kind in COLUMNS[self.stage].items()}
+
+
+def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Joined]:
+    """The annotations of a dataset to join: `chosen` is "all", "none" or directory names separated by commas.
+
+    `names` are exported names by camera. Raises ExportError for a directory that is not there.
+    """
+    there = {d: s for d, s in stages_of(dataset).items() if s["stage"] in COLUMNS}
+    wanted = {"all": list(there), "none": []}.get(chosen, chosen.split(","))
+    if missing := sorted(set(wanted) - set(there)):
+        raise ExportError(f"--annotations: there is no {missing[0]}; there are: {', '.join(there) or 'none'}")
+    cameras = EXPORTED_CAMERAS | dict(names)
+    plain = {}
+    for d in wanted:
+        camera = str(there[d]["parameters"]["camera"])
+        plain[d] = cameras.get(camera, camera)
+    twice = Counter((there[d]["stage"], camera) for d, camera in plain.items())
+    out = []
+    for d in sorted(wanted):
+        stage = there[d]["stage"]
+        suffix = plain[d] if twice[stage, plain[d]] == 1 else f"{plain[d]}_{d.split('@')[1]}"
+        out.append(Joined(d, stage, there[d]["parameters"], suffix))
+    return out
+
+
+def _file_of(one: Joined, dataset: Path, source: str) -> Path:
+    relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
+    return annotation_path(dataset, one.directory, relative)
+
+
+def annotation_hashes(joined: Sequence[Joined], dataset: Path, source: str) -> list[str | None]:
+    """sha256 of the annotation files of an episode, None for those that are not there. Raises ExportError."""
+    paths = [_file_of(one, dataset, source) for one in joined]
+    try:
+        return [file_hash(path) if path.exists() else None for path in paths]
+    except OSError as error:
+        raise ExportError(f"{error.filename}: cannot be read ({error.strerror}); run annotate again") from error
+
+
+def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts) -> dict[str, pa.Array]:
+    """Columns of an open episode.
+
+    Raises ExportError for an annotation that is damaged, was made from something else than the episode shows now, or has not as
+    many frames.
+    """
+    columns: dict[str, pa.Array] = {}
+    source, frames = facts.source, len(facts)
+    for one in joined:
+        path, stage = _file_of(one, dataset, source), {"stage": one.stage, "parameters": one.parameters}
+        try:
+            entry = read_entry(path)
+        except FileNotFoundError:
+            columns |= {name: pa.nulls(frames, kind) for name, kind in one.columns.items()}
+            continue
+        except CorruptAnnotation as error:
+            raise ExportError(str(error)) from error
+        lengths = {len(a) for a in entry.arrays.values()}
+        if lengths != {frames}:
+            raise ExportError(f"{path}: is not of the {frames} frames of {source}; run {command(dataset, stage)}")
+        if why := stale(entry, stage, file, facts, dataset):
+            raise ExportError(f"{path}: is out of date, {why}; run {command(dataset, stage)}")
+        made = {"flow": _flow, "masks": _masks, "features": _features}[one.stage](entry)
+        for (name, kind), values in zip(one.columns.items(), made, strict=True):
+            columns[name] = values if isinstance(values, pa.Array) else pa.array(values, kind)
+    return columns
+
+
+def _flow(entry: Entry) -> list[Any]:
+    a = entry.arrays
+    maps = [flow.astype("<f2").tobytes() for flow in a["flow"]]
+    images = image_column([png(rgb[..., ::-1]) for rgb in a["rgb"]])
+    return [maps, images, a["scale"].astype(np.float32), a["previous"].astype(np.int64)]
+
+
+def _masks(entry: Entry) -> list[Any]:
+    a, said = entry.arrays, entry.attributes
+    height, width = said["height"], said["width"]
+    packed = a["mask"]
+    rows = []
+    for t in range(len(packed)):
+        bits = np.unpackbits(packed[t], axis=-1, count=height * width).reshape(-1, height, width).astype(bool)
+        rows.append(
+            [
+                {
+                    "object": name,
+                    "height": height,
+                    "width": width,
+                    "counts": run_lengths(bits[k]),
+                    "box": a["box"][t, k].astype(np.float32),
+                    "score": float(a["score"][t, k]),
+                    "area": int(a["area"][t, k]),
+                    "valid": bool(a["valid"][t, k]),
+                }
+                for k, name in enumerate(said["objects"])
+            ]
+        )
+    return [rows]
+
+
+def _features(entry: Entry) -> list[Any]:
+    a, names = entry.arrays, entry.attributes["objects"]
+    features = a["feature"].astype(np.float32)
+    return [
+        [
+            [
+                {"object": name, "feature": features[t, k], "valid": bool(a["valid"][t, k]), "coverage": float(a["coverage"][t, k])}
+                for k, name in enumerate(names)
+            ]
+            for t in range(len(features))
+        ]
+    ]
+
+
+def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+    """COCO's uncompressed run lengths of a mask (H,W): pixels column by column, runs of zeros first, then of ones in turn."""
+    flat = mask.ravel(order="F")
+    edges = np.flatnonzero(np.diff(flat)) + 1
+    runs = np.diff(np.concatenate([[0], edges, [flat.size]])).tolist()
+    return [0, *runs] if flat[0] else runs

@@ -1,0 +1,150 @@
+"""Where an episode comes from, as columns: what travels with every row of metadata, and the longer texts in a file of their own."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.data.episode.state_log import StateLog
+from pipeline.data.names import SIDES
+from pipeline.data.rules import rules_of
+from pipeline.data.splits import split_of
+from pipeline.export.shared.common import Facts, read_facts, reading, same
+from pipeline.export.shared.meetings import interception
+from pipeline.export.shared.script import rows_of
+from pipeline.export.shared.tables import RowWriter
+from pipeline.motion.recorded.group import conditions_of
+
+
+def scalars(facts: Facts) -> dict[str, Any]:
+    """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
+
+    Rows of one `physics_id` show the same physics in other looks; they share their `split` (data/splits.py). `rules` joins the
+    rules, what the first touch does, and where the bases stand unless at our places (data/rules.py).
+    T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
+    t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
+    since the first frame, None for what did not happen. Speeds are the target's, in m/s along its planned motion. `skills` are the
+    runs of skills with their physics steps and frames (script.rows_of), `conditions` the success conditions by name with the time
+    from which each holds to the end, both as JSON.
+    """
+    spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
+    arms, first = meta.arms, derived.first_contacts
+    return {
+        "task": spec.task,
+        "category": meta.category,
+        "embodiment": spec.embodiment,
+        "level": spec.level,
+        "alpha": float(spec.alpha),
+        "domain": spec.domain,
+        "rules": rules_of(meta).label,
+        "slot": spec.slot,
+        "seed": spec.seed,
+        "T_meet": meta.meeting_time,
+        **dict(zip(("x_meet", "y_meet", "z_meet"), derived.planned_position.tolist(), strict=True)),
+        "t_motion_start": float(derived.motion_start - log.times[0]),
+        **{f"t_{event}": _time(log, event) for event in ("meeting", "release", "success")},
+        **{f"t_contact_{side}": float(first[side].time - log.times[0]) if side in first else None for side in SIDES},
+        "average_speed": meta.average_speed,
+        "maximum_speed": meta.maximum_speed,
+        "physics_id": meta.physics_id,
+        "variant": meta.variant,
+        "split": split_of(meta.physics_id or spec.to_json()),
+        "target": meta.target,
+        "arms": "+".join(sorted(set(arms.values()))),
+        "physics_key": meta.physics_key,
+        "source": facts.source,
+        "skills": json.dumps(rows_of(facts)),
+        "conditions": json.dumps(_since(facts)),
+        "failure": meta.failure.model_dump_json() if meta.failure else "",
+    }
+
+
+def _since(facts: Facts) -> dict[str, float | None]:
+    """Time (s) since the first frame from which each success condition holds to the end, None if it does not."""
+    since = dict[str, float | None]()
+    for name, holds in conditions_of(facts.interception).items():
+        failing = np.flatnonzero(~holds)
+        first = int(failing[-1]) + 1 if len(failing) else 0
+        since[name] = float(facts.log.times[first] - facts.log.times[0]) if first < len(holds) else None
+    return since
+
+
+def _time(log: StateLog, event: str) -> float | None:
+    time = log.time_of(event)
+    return None if time is None else float(time - log.times[0])
+
+
+_SPEEDS = ("average_speed", "maximum_speed")
+SCALAR_TYPES = {
+    **dict.fromkeys(("task", "category", "embodiment", "domain", "rules", "target", "arms", "physics_key"), pa.string()),
+    **dict.fromkeys(("source", "skills", "conditions", "failure"), pa.string()),
+    **dict.fromkeys(("physics_id", "split"), pa.string()),
+    **dict.fromkeys(("level", "slot", "seed", "variant"), pa.int64()),
+    **dict.fromkeys(("alpha", "T_meet", "t_meeting", "t_release", "t_success", *_SPEEDS), pa.float64()),
+    **dict.fromkeys(("x_meet", "y_meet", "z_meet", "t_motion_start", "t_contact_left", "t_contact_right"), pa.float64()),
+}
+
+TEXTS = pa.list_(pa.string())
+PROVENANCE_SCHEMA = pa.schema(
+    [
+        *(("episode_index", pa.int64()), ("length", pa.int64())),
+        *SCALAR_TYPES.items(),
+        *(("instruction", pa.string()), ("instructions_seen", TEXTS), ("instructions_unseen", TEXTS)),
+        *(("motion", pa.string()), ("objects", pa.string()), ("events", pa.string())),
+    ]
+)
+
+
+def provenance(index: int, facts: Facts) -> dict[str, Any]:
+    """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
+    return {
+        "episode_index": index,
+        "length": facts.kept,
+        **scalars(facts),
+        "instruction": facts.instruction,
+        "instructions_seen": facts.seen,
+        "instructions_unseen": facts.unseen,
+        "motion": facts.motion,
+        "objects": json.dumps({name: info.model_dump() for name, info in facts.meta.objects.items()}, sort_keys=True),
+        "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+    }
+
+
+PROVENANCE = "episodes.parquet"
+"""File of these rows in most formats."""
+
+
+def check_provenance(file: Path, dataset: Path, paths: Sequence[Path], after_success: float | None = None) -> list[str]:
+    """Compare a file of `provenance` rows with its episodes, in order, shortened as in `read_facts`; returns the problems found.
+
+    Raises what Arrow and the file system raise for a file that cannot be read, ExportError for episodes that cannot.
+    """
+    rows = pq.read_table(file, schema=PROVENANCE_SCHEMA).to_pylist()
+    if len(rows) != len(paths):
+        return [f"{file}: has {len(rows)} rows for {len(paths)} episodes"]
+    problems = []
+    for index, (path, row) in enumerate(zip(paths, rows, strict=True)):
+        with reading(path) as episode:
+            wanted = provenance(index, read_facts(episode, dataset, after_success))
+        problems += [f"{file}: row {index}: {name} is not that of {path}" for name in wanted if row[name] != wanted[name]]
+    return problems
+
+
+class Provenance(RowWriter):
+    """A Parquet file of `provenance` rows, written a hundred at a time; `count` episodes with `frames` frames so far."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, PROVENANCE_SCHEMA, 100)
+        self.count = self.frames = 0
+        self._firsts = dict[str, Facts]()
+
+    def append(self, facts: Facts) -> None:
+        """Add the next episode. Raises ExportError for one that does not fit to the first of its robot."""
+        same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
+        self.add(provenance(self.count, facts))
+        self.count += 1
+        self.frames += len(facts)

@@ -1,0 +1,316 @@
+"""Atomic output, the order of episodes, bad input, and on which frame an event falls."""
+
+import gc
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.data.episode.state_log import Event
+from pipeline.data.errors import DominoError
+from pipeline.data.spec import EpisodeSpec
+from pipeline.data.store.lock import Busy
+from pipeline.export import EXPORTERS, ExportError
+from pipeline.export.formats.parquet_table import event_frames
+from pipeline.export.shared.common import (
+    SUMMARY,
+    Facts,
+    by_embodiment,
+    choose_instruction,
+    foreign_files,
+    read_facts,
+    reading,
+    sort_episodes,
+    stage_directory,
+    unlisted_files,
+)
+from tests.export.running import check_exports, run
+from tests.full_disk import longest_file
+from tests.synthetic import episode_path, make_episode, make_log, make_meta, target_pose
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """A dataset of two short episodes."""
+    for slot in range(2):
+        make_episode(episode_path(tmp_path, slot=slot), slot=slot, seed=slot, frames=4)
+    return tmp_path
+
+
+def episodes_of(dataset: Path) -> list[Path]:
+    return sorted((dataset / "episodes").rglob("*.hdf5"))
+
+
+def facts_with(times: list[float], frames: int, fps: int) -> Facts:
+    log = make_log("aloha-agilex", frames, fps, 0)
+    log.events = [Event(f"e{i}", t) for i, t in enumerate(times)]
+    spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 0)
+    return Facts("x", spec, fps, log, target_pose(log.times), "go", ["go"], [], "", make_meta(log, fps, []), (), (2, 2), {})
+
+
+@given(st.integers(2, 40), st.integers(1, 60), st.lists(st.floats(0, 1), max_size=5))
+def test_an_event_is_on_the_first_frame_at_or_after_it(frames, fps, fractions):
+    span = (frames - 1) / fps
+    facts = facts_with([f * span for f in fractions], frames, fps)
+    for frame, _, time in event_frames(facts):
+        clock = [k / fps for k in range(frames)]
+        assert frame == next(k for k, t in enumerate(clock) if t >= time - 1e-6)
+
+
+def test_an_event_exactly_on_a_frame_belongs_to_it_and_a_late_one_to_the_last():
+    facts = facts_with([3 / 15, 99.0], 12, 15)
+    assert [(frame, name) for frame, name, _ in event_frames(facts)] == [(3, "e0"), (11, "e1")]
+
+
+def test_instruction_depends_on_the_spec_only_and_uses_all_of_them():
+    seen = ["a", "b", "c"]
+    specs = [EpisodeSpec("t", "e", 1, 0.1, "clean", slot, 0) for slot in range(40)]
+    chosen = [choose_instruction(s, seen) for s in specs]
+    assert chosen == [choose_instruction(s, seen) for s in specs]
+    assert set(chosen) == set(seen)
+
+
+def test_order_is_that_of_the_paths_and_repeats_are_refused(dataset):
+    paths = episodes_of(dataset)
+    assert sort_episodes(paths[::-1]) == paths
+    with pytest.raises(ExportError, match="given twice"):
+        sort_episodes([paths[0], paths[0]])
+    with pytest.raises(ExportError, match="no episodes"):
+        sort_episodes([])
+
+
+def test_embodiments_get_directories_only_when_there_are_several(dataset, tmp_path):
+    out = tmp_path / "out"
+    paths = episodes_of(dataset)
+    assert by_embodiment(paths, out) == {"aloha-agilex": (out, paths)}
+    franka = make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3)
+    assert by_embodiment([*paths, franka], out) == {
+        "aloha-agilex": (out / "aloha-agilex", paths),
+        "franka-panda": (out / "franka-panda", [franka]),
+    }
+
+
+def bytes_of(out: Path) -> dict[Path, bytes]:
+    return {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file()}
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_the_same_episodes_give_the_same_bytes_and_a_failing_export_leaves_the_old_one_and_nothing_else(dataset, format):
+    paths, done = episodes_of(dataset), []
+    first, second = dataset / "exports" / "a", dataset / "exports" / "b"
+    summary = run(format, dataset, first, paths[::-1], progress=done.append)
+    assert sum(done) == summary["episodes"] == 2
+    assert summary["frames"] == 8 and summary["format"] == format
+    assert json.loads((first / SUMMARY).read_text()) == summary
+    run(format, dataset, second, paths)
+    before = bytes_of(first)
+    assert before.keys() == bytes_of(second).keys()
+    assert [file for file in before if (second / file).read_bytes() != before[file]] == []
+
+    def fail(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(format, dataset, first, paths, progress=fail)
+    assert bytes_of(first) == before
+    assert sorted(p.name for p in first.parent.iterdir()) == ["a", "b"]
+
+
+def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset):
+    out = dataset / "exports" / "x"
+    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True)
+    dead = out.with_name(f".x.{os.uname().nodename}.{done.stdout.strip()}.tmp")
+    dead.mkdir(parents=True)
+    (dead / "half").write_text("")
+    old = out.with_name(".x.old")
+    old.mkdir()
+    (old / SUMMARY).write_text("{}")
+    with stage_directory(out, dataset) as folder:
+        assert (out / SUMMARY).read_text() == "{}"  # the run killed between the two renames had an older export
+        (folder / SUMMARY).write_text("{1}")
+    assert (out / SUMMARY).read_text() == "{1}"
+    assert [p.name for p in out.parent.iterdir()] == ["x"]
+
+
+def test_an_export_is_replaced_by_one_command_at_a_time(dataset):
+    out = dataset / "exports" / "x"
+    with stage_directory(out, dataset) as folder:
+        (folder / SUMMARY).write_text("{}")
+    with stage_directory(out, dataset) as folder:
+        with pytest.raises(Busy, match="exports/x: another command is writing it"), stage_directory(out, dataset):
+            pass
+        (folder / SUMMARY).write_text("{1}")
+    assert (out / SUMMARY).read_text() == "{1}"
+    with stage_directory(out, dataset):
+        pass
+
+
+def test_what_is_no_export_is_not_replaced(dataset):
+    out = dataset / "exports" / "mine"
+    out.mkdir(parents=True)
+    (out / "thesis.txt").write_text("years of work")
+    with pytest.raises(ExportError, match="is not an export"), stage_directory(out, dataset):
+        pass
+    with pytest.raises(ExportError, match="is a file"), stage_directory(out / "thesis.txt", dataset):
+        pass
+    for above in (dataset, dataset.parent):
+        with pytest.raises(ExportError, match="holds the dataset"), stage_directory(above, dataset):
+            pass
+    assert (out / "thesis.txt").read_text() == "years of work"
+    shutil.rmtree(out)
+    out.mkdir()
+    with stage_directory(out, dataset) as folder:  # an empty directory may be
+        (folder / SUMMARY).write_text("{}")
+    assert (out / SUMMARY).exists()
+
+
+def test_an_export_of_another_format_is_not_replaced(dataset):
+    out = dataset / "x"
+    out.mkdir()
+    (out / SUMMARY).write_text('{"format": "aloha", "contents": ["export.json"]}')
+    with pytest.raises(ExportError, match=f"^{out}: holds an export in the format aloha: remove it or name another directory$"):
+        run("parquet", dataset, out, episodes_of(dataset))
+    assert [path.name for path in out.iterdir()] == [SUMMARY]
+
+
+def _truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def _change(key: str, value):
+    def change(path: Path) -> None:
+        with h5py.File(path, "r+") as f:
+            del f[key]
+            if value is not None:
+                f[key] = value
+
+    return change
+
+
+BROKEN = {
+    "truncated": (_truncate, "cannot be read as HDF5"),
+    "empty": (lambda p: p.write_bytes(b""), "cannot be read as HDF5"),
+    "no pictures": (_change("observation/head_camera/rgb", None), "has no observation/head_camera/rgb"),
+    "no picture": (_change("observation/head_camera/rgb", np.array([b"no jpeg"] * 4)), "does not decode as JPEG"),
+    "off the grid": (_change("timestamp", np.array([0, 0.06, 0.12, 0.18])), "not 15 per second"),
+    "short action": (_change("joint_action/vector", np.zeros((3, 14))), "action has 3 rows for 4 frames"),
+    "not finite": (_change("target/pose", np.full((4, 7), np.nan)), "target pose holds values that are not finite"),
+    "speechless": (_change("instruction/seen", np.array([], h5py.string_dtype())), "has no instruction"),
+    "blind for a frame": (_change("observation/head_camera/pose", np.zeros((3, 7))), "head_camera has 3 images"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(BROKEN))
+def test_a_bad_episode_gives_one_line_that_names_it(dataset, name):
+    path = episodes_of(dataset)[1]
+    spoil, message = BROKEN[name]
+    spoil(path)
+    with pytest.raises(ExportError, match=message) as error, reading(path) as file:
+        read_facts(file, dataset)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_a_bad_episode_stops_the_export(dataset, format):
+    _truncate(episodes_of(dataset)[1])
+    with pytest.raises(ExportError, match="episode_0000001"):
+        run(format, dataset, dataset / "exports" / format, episodes_of(dataset))
+    assert not (dataset / "exports").exists()
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_a_full_disk_is_one_line_that_blames_no_episode_and_leaves_nothing(dataset, format, capfd):
+    av.logging.set_level(None)  # lerobot, in an earlier test of this process, lets FFmpeg print
+    out, episodes = dataset / "exports" / format, episodes_of(dataset)
+    run(format, dataset, out, episodes)
+    largest = max(path.stat().st_size for path in out.rglob("*"))
+    before = bytes_of(out)
+    for size in (0, largest // 2, largest - 1):
+        with pytest.raises(ExportError, match=r"cannot be written: .*large") as refused, longest_file(size):
+            # elsewhere: what stands there would lend its files
+            run(format, dataset, dataset / "elsewhere" / format, episodes)
+        assert "episode_0" not in str(refused.value) and "\n" not in str(refused.value)
+        assert not (dataset / "elsewhere").exists()
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
+    assert bytes_of(out) == before
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_an_episode_of_one_frame_is_exported_and_one_that_is_missing_is_found(tmp_path, format):
+    path, other = (make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=1 + slot) for slot in range(2))
+    out = tmp_path / "exports" / format
+    assert check_exports(tmp_path, out, format, [path]) != []
+    assert run(format, tmp_path, out, [path])["frames"] == 1
+    assert check_exports(tmp_path, out, format, [path]) == []
+    assert check_exports(tmp_path, out, format, [path, other]) != []
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_episodes_that_do_not_fit_together_are_refused(dataset, format):
+    make_episode(episode_path(dataset, slot=2), slot=2, frames=3, fps=30)
+    if format == "parquet":
+        make_episode(episode_path(dataset, "franka-panda"), embodiment="franka-panda", frames=3, fps=30)
+    with pytest.raises(ExportError, match=r"fps 30 differs from 15 of"):
+        run(format, dataset, dataset / "exports" / format, episodes_of(dataset))
+
+
+@pytest.mark.parametrize("name", sorted(EXPORTERS))
+def test_an_episode_that_names_a_path_is_refused_and_nothing_is_written(dataset, tmp_path, name):
+    path = episodes_of(dataset)[0]
+    with h5py.File(path, "r+") as f:
+        f.attrs["spec"] = f.attrs["spec"].replace("aloha-agilex", "../../x")
+    before = sorted(p for p in tmp_path.rglob("*"))
+    with pytest.raises(DominoError, match=r"episode_0000000\.hdf5.*embodiment '\.\./\.\./x'"):
+        run(name, dataset, dataset / "exports" / name, episodes_of(dataset))
+    after = [p for p in sorted(tmp_path.rglob("*")) if p not in before]
+    assert not [p for p in after if p.is_file()]
+    assert not (tmp_path.parent / "x").exists()
+
+
+def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
+    make_episode(episode_path(tmp_path / "data"), frames=2)
+    for place in ("episodes", "episodes/click_bell/mine", "ledger", "assets/x"):
+        with pytest.raises(ExportError, match="among the dataset's own files"):
+            run("parquet", tmp_path / "data", tmp_path / "data" / place, episodes_of(tmp_path / "data"))
+    assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]
+
+
+def test_a_file_of_somebody_else_in_an_export_is_named_and_kept(dataset, tmp_path):
+    out = tmp_path / "parquet"
+    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    assert foreign_files(out) == []
+    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    (out / "notes.txt").write_text("mine")
+    assert foreign_files(out) == [out / "notes.txt"]
+    with pytest.raises(ExportError, match=r"notes\.txt: is no part of the export"):
+        run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "name", ["meta/stats_gr00t.json", "meta/steps_0.pkl", "cache.pkl", ".cache/huggingface/x.metadata", "data/__pycache__/a.txt"]
+)
+def test_caches_of_consumers_are_dropped_by_the_next_export(dataset, tmp_path, name):
+    out, paths = tmp_path / "parquet", sorted(dataset.glob("episodes/**/*.hdf5"))
+    run("parquet", dataset, out, episodes_of(dataset))
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    (out / name).parent.mkdir(parents=True, exist_ok=True)
+    (out / name).write_text("of an older export")
+    assert foreign_files(out) == [] and check_exports(dataset, out, "parquet", paths) == []
+    run("parquet", dataset, out, episodes_of(dataset))
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+
+
+def test_a_pickle_that_is_ours_is_no_cache(dataset, tmp_path):
+    run("puma-gt", dataset, tmp_path / "gt", sorted(dataset.glob("episodes/**/*.hdf5")))
+    assert unlisted_files(tmp_path / "gt") == [] and any((tmp_path / "gt").rglob("*.pkl"))

@@ -1,0 +1,142 @@
+"""An export of a dataset that grew is that of an empty directory, byte for byte, and takes over what has not changed."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.data.keys import file_hash
+from pipeline.export import EXPORTERS
+from pipeline.export.formats.lerobot import prepare
+from pipeline.export.shared import hashes
+from pipeline.export.shared.common import SOURCES
+from tests.export.running import run
+from tests.synthetic import episode_path, make_episode
+
+OPTIONS = {"lerobot": {"data_bytes": 1}, "parquet": {"file_bytes": 1}, "aloha": {"compress": "jpeg"}}
+OPTIONS |= {"rlds": {"shard_episodes": 1}, "zarr": {"chunk_frames": 1, "size": (24, 32)}, "robomimic": {"size": (24, 32)}}
+"""Of lerobot, parquet and rlds: a file an episode; of zarr a file a frame."""
+
+
+def state(root: Path) -> dict[str, tuple[bytes, int, int]]:
+    """Bytes, inode and time of change of every file."""
+    files = sorted(p for p in root.rglob("*") if p.is_file())
+    return {p.relative_to(root).as_posix(): (p.read_bytes(), p.stat().st_ino, p.stat().st_mtime_ns) for p in files}
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory) -> Path:
+    """A dataset of five short episodes of different lengths."""
+    root = tmp_path_factory.mktemp("grows")
+    for slot in range(5):
+        make_episode(episode_path(root, slot=slot), slot=slot, seed=slot, frames=2 + slot)
+    return root
+
+
+def grown(dataset: Path, place: Path, format: str, slots: tuple[list[int], list[int]], **options):
+    """Export some slots, then more to the same place and to an empty one; returns the state before and after."""
+    before, after = ([episode_path(dataset, slot=slot) for slot in some] for some in slots)
+    out, empty = place / format, place / "empty"
+    run(format, dataset, out, before, **options)
+    first = state(out)
+    run(format, dataset, out, after, **options)
+    run(format, dataset, empty, after, **options)
+    second, fresh = state(out), state(empty)
+    assert {name: data for name, (data, *_) in second.items()} == {name: data for name, (data, *_) in fresh.items()}
+    run(format, dataset, out, after, **options)
+    assert state(out) == second
+    return first, second
+
+
+def kept(first, second) -> set[str]:
+    """Files that are the very same, though they may have another name now."""
+    return {name for name, (_, *rest) in second.items() if rest in [value[1:] for value in map(list, first.values())]}
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_more_episodes_at_the_end_leave_all_that_is_about_the_first(dataset, tmp_path, format):
+    first, second = grown(dataset, tmp_path, format, ([0, 1], [0, 1, 2]), **OPTIONS.get(format, {}))
+    large = {".hdf5", ".mp4", ".pkl", ".tfrecord", ".0"} | ({".parquet"} if format == "parquet" else set())
+    about = {n for n in first if Path(n).suffix.split("-")[0] in large and not n.endswith(("episodes.parquet", "demos.hdf5"))}
+    about = {n.replace("-of-00002", "-of-00003") for n in about}
+    assert len(about) >= 2 and about <= kept(first, second)
+    assert "export.json" not in kept(first, second)
+    said = json.loads(second[SOURCES][0])["episodes"]
+    assert said == {f"episodes/click_bell/aloha-agilex/L1/clean/episode_{i:07d}.hdf5": said_of(dataset, i) for i in range(3)}
+
+
+def said_of(dataset: Path, slot: int) -> str:
+    """sha256 of an episode."""
+    return hashlib.sha256(episode_path(dataset, slot=slot).read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("format", ["aloha", "robotwin", "lerobot-v2.1"])
+def test_files_of_episodes_that_get_other_numbers_are_renamed(dataset, tmp_path, format):
+    first, second = grown(dataset, tmp_path, format, ([1, 2], [0, 1, 2]), **OPTIONS.get(format, {}))
+    assert sum(Path(n).suffix in (".hdf5", ".mp4") for n in kept(first, second)) == (6 if format == "lerobot-v2.1" else 2)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"codec": "h264", "preset": "faster", "gop": 15}, {"codec": "libsvtav1", "preset": "13", "gop": 2}],
+    ids=["default", "h264 predicted", "av1"],
+)
+def test_episodes_in_a_video_that_grows_are_not_encoded_again(dataset, tmp_path, monkeypatch, options):
+    encoded, encode = [], prepare.encode
+
+    def counting(frames, *how):
+        frames = list(frames)
+        encoded.append(len(frames))
+        return encode(frames, *how)
+
+    monkeypatch.setattr(prepare, "encode", counting)
+    first, second = grown(dataset, tmp_path, "lerobot", ([0, 2, 3], [0, 1, 2, 3, 4]), **options)
+    # three cameras each: what there was, what is new, and all of it for the empty place
+    assert encoded[::3] == encoded[1::3] == encoded[2::3] == [2, 4, 5, 3, 6, 2, 3, 4, 5, 6]
+    assert not [name for name in kept(first, second) if name.endswith("mp4")]
+
+
+def test_other_options_and_other_code_lend_nothing(dataset, tmp_path, monkeypatch):
+    encoded, encode = [], prepare.encode
+    monkeypatch.setattr(prepare, "encode", lambda frames, *how: encoded.append(1) or encode(frames, *how))
+    path, out = episode_path(dataset), tmp_path / "out"
+    for options, count in (({}, 3), ({}, 0), ({"crf": 24}, 3), ({"crf": 24}, 0)):
+        encoded.clear()
+        run("lerobot", dataset, out, [path], **options)
+        assert len(encoded) == count
+    monkeypatch.setattr(hashes, "code", lambda: {"code": "another"})
+    encoded.clear()
+    run("lerobot", dataset, out, [path], crf=24)
+    assert len(encoded) == 3
+
+
+@pytest.mark.parametrize("format", ["lerobot", "aloha", "parquet"])
+def test_what_is_damaged_or_not_its_own_is_written_again(dataset, tmp_path, format):
+    path, out, empty = episode_path(dataset), tmp_path / "out", tmp_path / "empty"
+    run(format, dataset, out, [path])
+    run(format, dataset, empty, [path])
+    large = next(p for p in sorted(out.rglob("*")) if p.suffix in (".mp4", ".hdf5") or p.name == "data-00000.parquet")
+    large.write_bytes(large.read_bytes()[:-1] + b"x")
+    said = json.loads((out / SOURCES).read_text())
+    name = large.relative_to(out).as_posix()
+    run(format, dataset, out, [path])
+    assert large.read_bytes() == (empty / name).read_bytes()
+    # an export may come from anywhere: its list of files names no file of somebody else
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"mine")
+    entry = said["files"].pop(name)
+    said["files"]["../secret"] = entry | {"sha256": file_hash(secret)}
+    large.unlink()
+    (out / SOURCES).write_text(json.dumps(said))
+    run(format, dataset, out, [path])
+    assert large.read_bytes() == (empty / name).read_bytes() and secret.read_bytes() == b"mine"
+
+
+def test_an_annotation_that_changed_is_joined_again(dataset, tmp_path, monkeypatch):
+    path, out = episode_path(dataset), tmp_path / "out"
+    run("parquet", dataset, out, [path])
+    before = state(out)
+    monkeypatch.setattr("pipeline.export.formats.parquet.annotation_hashes", lambda *_: ["another"])
+    run("parquet", dataset, out, [path])
+    assert state(out)[SOURCES] != before[SOURCES]
