@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.data.atomic import write_atomic
-from pipeline.evaluate.protocol import Manifests
+from pipeline.evaluate.scenes.manifests import Manifests
 from tests.commands.bad_input import Case
 from tests.evaluate.test_bad_files import CELL, FIELDS, LINES, OTHERS, ROW, TEXTS, changed, manifest_values
 
@@ -22,7 +22,7 @@ PLUGINS = {
     "module": {"numpy.py": ""},
     "package": {"json/__init__.py": ""},
     "task": {"own.py": "from pipeline.tasks import TASKS\nTASKS.add('click_bell', TASKS['click_bell'])"},
-    "policy": {"own.py": "from pipeline.evaluate.policies import POLICIES\nPOLICIES.add('random', None)"},
+    "policy": {"own.py": "from pipeline.evaluate.names import POLICIES\nPOLICIES.add('random', None)"},
     "number": {"1own.py": "1/0"},
 }
 """Files by name of a directory of plugins that cannot be used."""

@@ -24,8 +24,9 @@ from benchmarks.foresighted import fill_foreseen
 from benchmarks.study.rows import markdown
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Contact, Corrections
-from pipeline.evaluate.case import blind
-from pipeline.evaluate.evaluate import evaluate, inline
+from pipeline.evaluate.evaluate import evaluate
+from pipeline.evaluate.scenes.case import blind
+from pipeline.evaluate.scenes.manifests import inline
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.slot_keys import code_version
 from training.ladder.climb import Ladder, evaluation, train_missing

@@ -16,7 +16,7 @@ from benchmarks.causal import Scenes, Study, Unit
 from benchmarks.causal_contrasts import LEVELS, Contrast, Side
 from benchmarks.causal_tables import Rates, Row, add_missing, command_line, fill_in, percent, read, table
 from benchmarks.study.rows import markdown
-from pipeline.evaluate.difference import interval
+from pipeline.evaluate.scoring.difference import interval
 
 HERE = Path(__file__).parents[1]
 ROWS, PAGE = (HERE / "docs" / "science" / f"causal_repeat{suffix}" for suffix in ("_rows.jsonl", ".md"))

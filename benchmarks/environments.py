@@ -18,7 +18,7 @@ from benchmarks.study.rows import markdown
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.evaluate import DominoEnv
 from pipeline.evaluate.actions import interpolate_targets
-from pipeline.evaluate.case import BLIND
+from pipeline.evaluate.scenes.case import BLIND
 from pipeline.stages.scene import build_scene
 
 STEPS, ROUNDS = 150, 5

@@ -27,12 +27,12 @@ from pipeline.data.names import MOUNTED
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import interpolate_targets
-from pipeline.evaluate.case import Case, expert_actions
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.protocol import SeedJob, try_seed
-from pipeline.evaluate.views import Eyes
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.case import Case, expert_actions
+from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
+from pipeline.evaluate.scenes.views import Eyes
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
 from pipeline.world.vulkan import ensure_renderer
 

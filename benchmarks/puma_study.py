@@ -30,8 +30,8 @@ from benchmarks.hardware import hardware
 from benchmarks.study.page import inserted
 from benchmarks.study.rows import Rate
 from pipeline.data.atomic import write_atomic
-from pipeline.evaluate.intervals import bootstrap
-from pipeline.evaluate.summary import scene_of
+from pipeline.evaluate.scoring.intervals import bootstrap
+from pipeline.evaluate.scoring.summary import scene_of
 from pipeline.run.evaluation import evaluation_version
 from training.puma.reading import read_config
 from training.puma.runs import LOG

@@ -20,7 +20,7 @@ from benchmarks.study.rows import Row, Rows, markdown
 from benchmarks.study.run import run
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.intervals import bootstrap, clustered
+from pipeline.evaluate.scoring.intervals import bootstrap, clustered
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import TRACKING, expand_tasks
 

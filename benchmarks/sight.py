@@ -21,11 +21,12 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.state_log import StateLog
-from pipeline.evaluate.case import Case, blind
-from pipeline.evaluate.difference import interval
-from pipeline.evaluate.evaluate import evaluate, inline
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.evaluate import evaluate
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.case import Case, blind
+from pipeline.evaluate.scenes.manifests import inline
+from pipeline.evaluate.scenes.trial import Trial
+from pipeline.evaluate.scoring.difference import interval
 from pipeline.poses import quat_rotate
 from pipeline.run.evaluation import evaluation_of
 from pipeline.world.objects import FAMILIES, Family

@@ -26,7 +26,7 @@ from tqdm import tqdm
 from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.spec import DOMAINS, EpisodeSpec
-from pipeline.evaluate.intervals import wilson
+from pipeline.evaluate.scoring.intervals import wilson
 from pipeline.motion.planar.motion import Features
 from pipeline.report.speed_law import drawn_and_accepted, law
 from pipeline.stages.attempt import Phases, attempt

@@ -10,18 +10,18 @@ from tempfile import TemporaryDirectory
 from benchmarks.study.rows import markdown
 from pipeline.data.names import MOUNTED
 from pipeline.data.setup import Setup
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.evaluate import Evaluation
-from pipeline.evaluate.policies import policy_name
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.run.engine.pool import SINGLE_THREAD, Pool
 from pipeline.run.evaluation import answer_together, runner
 
 POLICY = '''
 import time
 
-from pipeline.evaluate.policy import BatchPolicy
+from pipeline.evaluate.policies.policy import BatchPolicy
 
 
 class Slow(BatchPolicy):

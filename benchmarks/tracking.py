@@ -16,7 +16,7 @@ from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Sight
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.clock import Retimed
+from pipeline.evaluate.scoring.clock import Retimed
 from pipeline.expert.tracking import TRACK
 from pipeline.motion.contract import TargetMotion
 from pipeline.planning.failure import PlanFailure

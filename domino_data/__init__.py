@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pipeline.data.errors import DominoError
     from pipeline.data.recipe.model import Recipe
     from pipeline.data.setup import Setup
-    from pipeline.evaluate.policy import BatchPolicy, Observation, Policy, Start
+    from pipeline.evaluate.policies.policy import BatchPolicy, Observation, Policy, Start
 
 _MODULES = {
     **dict.fromkeys(("build", "evaluate", "export", "make_env", "open_dataset", "plan", "verify"), "domino_data.api"),
@@ -30,7 +30,7 @@ _MODULES = {
     "Recipe": "pipeline.data.recipe.model",
     "Setup": "pipeline.data.setup",
     "open_episode": "pipeline.data.episode.file",
-    **dict.fromkeys(("BatchPolicy", "Observation", "Policy", "Start"), "pipeline.evaluate.policy"),
+    **dict.fromkeys(("BatchPolicy", "Observation", "Policy", "Start"), "pipeline.evaluate.policies.policy"),
 }
 
 if foreign := find_foreign():

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pipeline.data.setup import Setup
     from pipeline.evaluate import DominoEnv
     from pipeline.evaluate.evaluate import Outcome
-    from pipeline.evaluate.policy import Policy
+    from pipeline.evaluate.policies.policy import Policy
     from pipeline.run.build import BuildResult
     from pipeline.run.engine.pool import Pool
 
@@ -97,9 +97,9 @@ def evaluate(
     what the policy sees: a Setup, keys of one, or a dataset that was built under one; without it, no images and the recipe's
     rules. Returns rows of results: `cells` and `means`. Raises PolicyError for a policy that cannot be used.
     """
-    from pipeline.evaluate.case import blind, setup_of
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policies import in_process, isolate, policy_name
+    from pipeline.evaluate.names import in_process, isolate, policy_name
+    from pipeline.evaluate.scenes.case import blind, setup_of
     from pipeline.run.evaluation import evaluation_of, runner
 
     name = in_process(policy) if callable(policy) else isolate(policy_name(str(policy)))

@@ -22,7 +22,7 @@ def register_ids(tasks: Iterable[str]) -> None:
 
     for task in tasks:
         if env_id(task) not in registry:
-            register(env_id(task), entry_point="pipeline.evaluate.env:DominoEnv", kwargs={"task": task})
+            register(env_id(task), entry_point="pipeline.evaluate.environment.env:DominoEnv", kwargs={"task": task})
 
 
 def register_shipped() -> None:

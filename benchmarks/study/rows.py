@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.evaluate.intervals import clustered
-from pipeline.evaluate.summary import scene_of
+from pipeline.evaluate.scoring.intervals import clustered
+from pipeline.evaluate.scoring.summary import scene_of
 
 Row = dict[str, Any]
 

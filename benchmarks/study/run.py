@@ -5,13 +5,12 @@ from pathlib import Path
 
 from benchmarks.hardware import hardware
 from benchmarks.study.plan import Group
-from pipeline.evaluate.case import blind
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.evaluate import inline
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.protocol import Manifests, ProtocolError
-from pipeline.evaluate.results import Results, text_key
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.case import blind
+from pipeline.evaluate.scenes.manifests import Manifests, ProtocolError, inline
+from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.results import Results, text_key
 from pipeline.run.evaluation import evaluation_version
 
 

@@ -77,9 +77,9 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.policies import isolate, policy_name
-    from pipeline.evaluate.policy import staying
-    from pipeline.evaluate.summary import table
+    from pipeline.evaluate.names import isolate, policy_name
+    from pipeline.evaluate.policies.policy import staying
+    from pipeline.evaluate.scoring.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
 
     if instructions not in ("seen", "unseen"):
@@ -138,7 +138,7 @@ def name_file(prints: Path | None) -> Iterator[None]:
 
 def _images_setup(given: Given, recipe: Recipe) -> Setup:
     """The setup of an evaluation: images only where cameras are named, textures of training only where they are asked for."""
-    from pipeline.evaluate.case import blind
+    from pipeline.evaluate.scenes.case import blind
 
     if given.values.get("cameras") == [] or not (given.from_file or "cameras" in given.values):
         if asked := next((key for key in ("depth", "segmentation", "pointcloud") if given.values.get(key)), None):
@@ -159,8 +159,8 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare policies with the first one on the scenes they share: difference, 95 % interval, exact test, scenes needed."""
-    from pipeline.evaluate.compare import compare as compare_arms
-    from pipeline.evaluate.compare import compare_unpaired, read_arms
+    from pipeline.evaluate.scoring.compare import compare as compare_arms
+    from pipeline.evaluate.scoring.compare import compare_unpaired, read_arms
 
     first, *others = read_arms(runs)
     found = [row for other in others for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)]
@@ -202,8 +202,8 @@ def paper_table(
 ) -> None:
     """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.paper import beside, differences, experiment
-    from pipeline.evaluate.policies import isolate, policy_name
+    from pipeline.evaluate.names import isolate, policy_name
+    from pipeline.evaluate.scoring.paper import beside, differences, experiment
     from pipeline.run.evaluation import evaluation_of, runner
 
     found = experiment(name)
@@ -251,11 +251,11 @@ def serve_policy(
     as_json: AsJson = False,
 ) -> None:
     """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
-    from pipeline.evaluate.policies import make_policy, policy_name
-    from pipeline.evaluate.policy import Policy, SeesTruth
+    from pipeline.evaluate.names import make_policy, policy_name
+    from pipeline.evaluate.policies.policy import Policy, SeesTruth
     from pipeline.evaluate.serving.address import token
     from pipeline.evaluate.serving.batching import batcher_of
-    from pipeline.evaluate.serving.openpi import Openpi
+    from pipeline.evaluate.serving.bridges.openpi import Openpi
     from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
     from pipeline.evaluate.serving.session import Domino
     from pipeline.world.robots import UnknownEmbodiment, get_embodiment

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from pipeline.data.errors import DominoError
 from pipeline.data.time_limit import time_limit
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.policies import make_policy
-from pipeline.evaluate.policy import (
+from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.names import make_policy
+from pipeline.evaluate.policies.contract import check_contract
+from pipeline.evaluate.policies.policy import (
     Gone,
     NoAnswer,
     Observation,
@@ -29,10 +30,9 @@ from pipeline.evaluate.policy import (
     attribute,
     chunk_of,
     count_inferences,
-    line_of,
 )
-from pipeline.evaluate.policy_contract import check_contract
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.trial import Trial
 
 ANSWER_SECONDS = 300.0
 """What one answer may take by default: the first one often compiles a model."""

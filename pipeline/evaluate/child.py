@@ -9,8 +9,8 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.policies import make_policy
-from pipeline.evaluate.policy import PolicyError, PolicyName, SeesTruth, staying
+from pipeline.evaluate.names import make_policy
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName, SeesTruth, staying
 from pipeline.evaluate.serving.server import call_policy, fault_of
 from pipeline.evaluate.serving.session import Domino
 from pipeline.evaluate.serving.wire import WireError, pack, unpack

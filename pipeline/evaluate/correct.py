@@ -15,13 +15,13 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError, interpolate_targets
 from pipeline.evaluate.asking import Asked
-from pipeline.evaluate.case import Case, blind
 from pipeline.evaluate.episode import start_of
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, staying
-from pipeline.evaluate.policy_contract import check_contract
-from pipeline.evaluate.trial import Trial
-from pipeline.evaluate.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.policies.contract import check_contract
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, staying
+from pipeline.evaluate.scenes.case import Case, blind
+from pipeline.evaluate.scenes.trial import Trial
+from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
 from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.asking import ANSWER_SECONDS, Asked
-from pipeline.evaluate.case import BLIND, Case, start_hash
-from pipeline.evaluate.clock import Clock
-from pipeline.evaluate.metrics import score
-from pipeline.evaluate.pace import drive_overlapped, in_turn
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed, staying
-from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER, Trial
-from pipeline.evaluate.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed, staying
+from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
+from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
+from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.scoring.clock import Clock
+from pipeline.evaluate.scoring.metrics import score
+from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
 from pipeline.stages.scene import build_scene
 from pipeline.world.cameras import setup_cameras
 from pipeline.world.robots.contract import Embodiment

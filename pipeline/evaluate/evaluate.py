@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import SystemRandom
@@ -14,16 +14,16 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.store.lock import exclusive
 from pipeline.evaluate.asking import ANSWER_SECONDS, load_once
-from pipeline.evaluate.case import BLIND, Case
-from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
 from pipeline.evaluate.page import Film, caption, page
-from pipeline.evaluate.policy import PolicyError, PolicyName, Start, staying
-from pipeline.evaluate.policy_contract import check_contract
-from pipeline.evaluate.protocol import Manifests, Runner
-from pipeline.evaluate.results import EPISODES, Results, check_episode, text_key
-from pipeline.evaluate.summary import Row, over_tasks, summarise
+from pipeline.evaluate.policies.contract import check_contract
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start, staying
+from pipeline.evaluate.scenes.case import BLIND, Case
+from pipeline.evaluate.scenes.manifests import Manifests, Runner
+from pipeline.evaluate.scoring.clock import Clock
+from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
+from pipeline.evaluate.scoring.summary import Row, over_tasks, summarise
 from pipeline.world.robots import get_embodiment
 
 
@@ -165,8 +165,3 @@ def load_policy(wanted: tuple[PolicyName, Sequence[Start]]) -> None:
             check_contract(policy, start)
     except PolicyError as error:
         raise PolicyError(f"policy {name.label}: {error}") from error
-
-
-def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The runner of one process."""
-    return ((job, work(job)) for job in jobs)

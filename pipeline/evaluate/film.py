@@ -13,7 +13,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, play
-from pipeline.evaluate.results import text_key
+from pipeline.evaluate.scoring.results import text_key
 from pipeline.stages.render import appearance_of, render
 
 COLUMNS, WIDTH = 6, 200

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.policies import make_policy
-from pipeline.evaluate.policy import PolicyError, PolicyName, SeesTruth
-from pipeline.evaluate.policy_contract import declared, difference
+from pipeline.evaluate.names import make_policy
+from pipeline.evaluate.policies.contract import declared, difference
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName, SeesTruth
 from pipeline.evaluate.serving.batching import batcher_of
 from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
 from pipeline.evaluate.serving.session import Domino

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from pipeline.evaluate.plot import panels
-from pipeline.evaluate.published import PUBLISHED
-from pipeline.evaluate.summary import Row
+from pipeline.evaluate.scoring.plot import panels
+from pipeline.evaluate.scoring.published import PUBLISHED
+from pipeline.evaluate.scoring.summary import Row
 from pipeline.html import render_page
 
 type Film = tuple[str, bytes, bytes]

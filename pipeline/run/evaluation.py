@@ -9,13 +9,13 @@ from typing import Any
 from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.hosting import host_policy
-from pipeline.evaluate.policies import identify
-from pipeline.evaluate.policy import PolicyError, PolicyName
-from pipeline.evaluate.protocol import Runner
+from pipeline.evaluate.names import identify
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName
+from pipeline.evaluate.scenes.manifests import Runner
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.run.engine.dispatch import run
 from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
@@ -25,7 +25,7 @@ from pipeline.world.robots import get_embodiment
 
 EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
 LONGEST_NAME = 200  # characters of what a job is called in an error
-EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.protocol")
+EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.scenes.manifests")
 """The modules that, with what they import, decide the numbers of an episode."""
 
 

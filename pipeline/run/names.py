@@ -69,7 +69,7 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
 
 def named_policy(corrections: Corrections) -> Corrections:
     """The same with the label of its policy as it is now. Raises PolicyError for one that does not exist."""
-    from pipeline.evaluate.policies import policy_name  # policies take a second to import
+    from pipeline.evaluate.names import policy_name  # policies take a second to import
 
     found = policy_name(corrections.policy)
     return Corrections(policy=found.text, label=found.label)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.policy import Start
-from pipeline.evaluate.policy_contract import Contract
+from pipeline.evaluate.policies.contract import Contract
+from pipeline.evaluate.policies.policy import Start
 from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
 from pipeline.evaluate.serving.session import Domino
 

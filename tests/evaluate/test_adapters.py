@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.adapters.robotwin_env import RobotwinRobot
-from pipeline.evaluate.adapters.turns import Turns
-from pipeline.evaluate.case import BLIND, expert, expert_actions
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import Observation, PolicyError, Start
-from pipeline.evaluate.trial import FAULTS
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
+from pipeline.evaluate.policies.robotwin_env import RobotwinRobot
+from pipeline.evaluate.policies.turns import Turns
+from pipeline.evaluate.scenes.case import BLIND, expert, expert_actions
+from pipeline.evaluate.scenes.trial import FAULTS
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.export.bridges.robotwin_arrays import drive_targets
 from pipeline.planning.planner import planner_for
 from pipeline.poses import compose, inverse

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from pipeline.evaluate.asking import Asked, load_once
-from pipeline.evaluate.case import BLIND
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.evaluate import load_policy
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError, line_of
+from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError
+from pipeline.evaluate.scenes.case import BLIND
+from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
+from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.summary import summarise
 from pipeline.evaluate.serving.socket import Socket
-from pipeline.evaluate.summary import summarise
-from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER
 from pipeline.world.robots import get_embodiment
 from tests.evaluate.servers import serving
 from tests.evaluate.test_env import case_of
@@ -170,7 +171,7 @@ def test_a_policy_that_cannot_be_made_is_one_line(tmp_path, text, said):
 def test_a_policy_that_cannot_be_tried_is_refused_before_any_scene_is_admitted(tmp_path, line, said):
     path = tmp_path / "other.py"
     text = POLICY.format("pass").replace("class Misbehaves:", f"class Misbehaves:\n    {line}")
-    path.write_text(f"from pipeline.evaluate.policy_contract import Contract\n{text}")
+    path.write_text(f"from pipeline.evaluate.policies.contract import Contract\n{text}")
     start = start_of(get_embodiment("aloha-agilex"), BLIND, "")
     leave = os._exit
     with pytest.raises(PolicyError, match=r"^policy other\.py@") as error:

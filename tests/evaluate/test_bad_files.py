@@ -8,12 +8,12 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Cell
 from pipeline.data.store.lock import Busy, exclusive
-from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.evaluate import Evaluation, evaluate, inline
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import PolicyError
-from pipeline.evaluate.protocol import Manifest, Manifests, ProtocolError, first_seed
-from pipeline.evaluate.results import Results, ResultsError, check_episode
+from pipeline.evaluate.evaluate import Evaluation, evaluate
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import PolicyError
+from pipeline.evaluate.scenes.manifests import Manifest, Manifests, ProtocolError, first_seed, inline
+from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.results import Results, ResultsError, check_episode
 from pipeline.evaluate.serving.address import parse_address
 from pipeline.evaluate.serving.server import Place, ServeError
 from tests.evaluate.test_env import case_of

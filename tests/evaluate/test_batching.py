@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.hosting import host_policy
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.policy import BatchPolicy, NoAnswer, Observation, PolicyError
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.policies.policy import BatchPolicy, NoAnswer, Observation, PolicyError
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.address import parse_address
 from pipeline.evaluate.serving.batching import Batcher, batcher_of
 from pipeline.evaluate.serving.client import Remote
@@ -19,7 +19,7 @@ from tests.evaluate.test_env import case_of
 
 SOURCE = '''
 import numpy as np
-from pipeline.evaluate.policy import BatchPolicy
+from pipeline.evaluate.policies.policy import BatchPolicy
 
 
 class Episode:

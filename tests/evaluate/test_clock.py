@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.evaluate.clock import STEP_LOCKED_RATE, ClockError, parse_clock
+from pipeline.evaluate.scoring.clock import STEP_LOCKED_RATE, ClockError, parse_clock
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 
 MOTION = PlanarMotion(1, 0.1, 2.0, 0.0, 0.74, np.array([1.0, 0, 0, 0]), (Segment(0.0, 2.0, np.array([[0.0, 0.2], [0.1, 0.0]])),))

@@ -9,9 +9,9 @@ from scipy.stats import binomtest, ttest_rel
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.evaluate.compare import CompareError, compare, compare_unpaired, read_arms
-from pipeline.evaluate.difference import interval, scenes_needed, sign_flip
-from pipeline.evaluate.results import EPISODES, Results, text_key
+from pipeline.evaluate.scoring.compare import CompareError, compare, compare_unpaired, read_arms
+from pipeline.evaluate.scoring.difference import interval, scenes_needed, sign_flip
+from pipeline.evaluate.scoring.results import EPISODES, Results, text_key
 
 
 def write(out, policy, solved, clock="sim", version="v", levels=(1,), task="a"):

@@ -11,8 +11,8 @@ from pipeline.data.setup import DEFAULT
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate import env_id
 from pipeline.evaluate.actions import ActionError, ToolPoses, interpolate_targets, joint_limits
-from pipeline.evaluate.case import BLIND, admit, expert, expert_actions, log_hash, start_hash
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.scenes.case import BLIND, admit, expert, expert_actions, log_hash, start_hash
+from pipeline.evaluate.scenes.trial import Trial
 from pipeline.planning.planner import planner_for
 from pipeline.poses import quat_rotate
 from pipeline.stages.failure import Failure

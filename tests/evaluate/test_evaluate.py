@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.case import expert_actions
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import PolicyError
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import PolicyError
+from pipeline.evaluate.scenes.case import expert_actions
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.run.evaluation import EPISODE, evaluation_version
 from pipeline.run.identity import sources
 from pipeline.run.identity.slot_keys import code_version
@@ -114,7 +114,10 @@ def test_a_policy_without_cameras_opens_no_renderer(monkeypatch):
 def test_the_version_of_results_covers_the_code_that_evaluates():
     root = sources.package_root()
     modules = sources.closure(root, EPISODE)
-    assert {f"pipeline.evaluate.{name}" for name in ("trial", "watch", "reference", "metrics", "protocol")} <= modules
+    assert {
+        f"pipeline.evaluate.{name}"
+        for name in ("scenes.trial", "scenes.watch", "policies.reference", "scoring.metrics", "scenes.manifests")
+    } <= modules
     assert evaluation_version() == evaluation_version() != code_version()
 
 

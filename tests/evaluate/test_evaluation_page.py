@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import FORMS, POLICIES, policy_name
-from pipeline.evaluate.policy import PolicyError
-from pipeline.evaluate.policy_contract import Contract
+from pipeline.evaluate.names import FORMS, POLICIES, policy_name
+from pipeline.evaluate.policies.contract import Contract
+from pipeline.evaluate.policies.policy import PolicyError
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.session import Domino, DominoSession
 from pipeline.evaluate.serving.wire import unpack
 from tests.evaluate.servers import NAMES, Echo

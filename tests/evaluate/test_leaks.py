@@ -12,13 +12,13 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.asking import load_once
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.evaluate import Evaluation, evaluate, inline
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.protocol import Manifest, Manifests, first_seed
-from pipeline.evaluate.views import instruction_of
+from pipeline.evaluate.evaluate import Evaluation, evaluate
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, inline
+from pipeline.evaluate.scenes.views import instruction_of
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
 from tests.evaluate.test_env import case_of
 

@@ -6,7 +6,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pipeline.data.episode.state_log import CONTACT_DTYPE, Event
-from pipeline.evaluate.metrics import jerk, manipulation_score, progress, route_completion, time_to_hold, touched_distractors
+from pipeline.evaluate.scoring.metrics import (
+    jerk,
+    manipulation_score,
+    progress,
+    route_completion,
+    time_to_hold,
+    touched_distractors,
+)
 from pipeline.world.drive import Hold
 from tests.synthetic import make_log
 

@@ -18,14 +18,14 @@ from websockets.sync.client import connect
 from websockets.sync.server import serve
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.policies import identify, make_policy, policy_name
-from pipeline.evaluate.policy import Observation, PolicyError, Start
+from pipeline.evaluate.names import identify, make_policy, policy_name
+from pipeline.evaluate.policies.fit import pad_to_square
+from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from pipeline.evaluate.serving.address import parse_address
-from pipeline.evaluate.serving.fit import pad_to_square
-from pipeline.evaluate.serving.groot import npy, parts_of
-from pipeline.evaluate.serving.history import flow_image
-from pipeline.evaluate.serving.openpi import Openpi
-from pipeline.evaluate.serving.statistics import read_statistics
+from pipeline.evaluate.serving.bridges.groot import npy, parts_of
+from pipeline.evaluate.serving.bridges.history import flow_image
+from pipeline.evaluate.serving.bridges.openpi import Openpi
+from pipeline.evaluate.serving.bridges.statistics import read_statistics
 from pipeline.evaluate.serving.wire import WireError
 from pipeline.export.formats.lerobot.format import modality
 from pipeline.world.robots import get_embodiment

@@ -7,15 +7,15 @@ from multiprocessing import Pipe
 import pytest
 
 from pipeline.evaluate.asking import load_once
-from pipeline.evaluate.case import BLIND
 from pipeline.evaluate.child import serve
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.evaluate import load_policy
-from pipeline.evaluate.policies import isolate, policy_name
-from pipeline.evaluate.policy import PolicyError, PolicyName
+from pipeline.evaluate.names import isolate, policy_name
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName
+from pipeline.evaluate.scenes.case import BLIND
+from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.wire import unpack
-from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER
 from pipeline.world.robots import get_embodiment
 from tests.evaluate.test_env import case_of
 
@@ -23,8 +23,8 @@ from tests.evaluate.test_env import case_of
 CHEAT = """
 import gc
 import numpy as np
-import pipeline.evaluate.trial as judge
-from pipeline.evaluate.policy_contract import Contract
+import pipeline.evaluate.scenes.trial as judge
+from pipeline.evaluate.policies.contract import Contract
 
 class Cheat:
     contract = Contract(rate=15)

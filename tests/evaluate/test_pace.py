@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.evaluate.clock import ClockError, parse_clock
-from pipeline.evaluate.pace import drive_overlapped, in_turn, join_chunks
+from pipeline.evaluate.scoring.clock import ClockError, parse_clock
+from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn, join_chunks
 
 FPS, STEPS = 15, 16
 

@@ -10,12 +10,12 @@ import pytest
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.recipe.model import Cell
-from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.evaluate import Evaluation, evaluate, inline
+from pipeline.evaluate.evaluate import Evaluation, evaluate
 from pipeline.evaluate.film import sheet, strip
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.protocol import Manifest, Manifests, first_seed
-from pipeline.evaluate.published import PUBLISHED
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, inline
+from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.published import PUBLISHED
 from tests.evaluate.test_env import case_of
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pipeline.data.recipe.model import Recipe
-from pipeline.evaluate.paper import EXPERIMENTS, PaperError, beside, differences, experiment
+from pipeline.evaluate.scoring.paper import EXPERIMENTS, PaperError, beside, differences, experiment
 from pipeline.tasks import TASKS
 from tests.run.command import inside
 

@@ -3,8 +3,8 @@
 import re
 
 from pipeline.evaluate.page import page
-from pipeline.evaluate.plot import HEIGHT, WIDTH, panels
-from pipeline.evaluate.published import PUBLISHED
+from pipeline.evaluate.scoring.plot import HEIGHT, WIDTH, panels
+from pipeline.evaluate.scoring.published import PUBLISHED
 
 
 def mean(policy, level, alpha, rate, **more):

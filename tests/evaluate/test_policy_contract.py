@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.policy import PolicyError, Start
-from pipeline.evaluate.policy_contract import Contract, check_contract, mismatch, served
+from pipeline.evaluate.policies.contract import Contract, check_contract, mismatch, served
+from pipeline.evaluate.policies.policy import PolicyError, Start
 
 START = Start("press the bell", "aloha-agilex", ("left_a", "left_gripper"), 15, ("head_camera",), 3, {"head_camera": (240, 320)})
 

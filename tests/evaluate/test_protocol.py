@@ -8,11 +8,11 @@ import pytest
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import PolicyError, chunk_of
-from pipeline.evaluate.protocol import Manifest, Manifests, ProtocolError, first_seed, most_tries
-from pipeline.evaluate.results import Results, ResultsError
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import PolicyError, chunk_of
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.manifests import Manifest, Manifests, ProtocolError, first_seed, most_tries
+from pipeline.evaluate.scoring.results import Results, ResultsError
 from pipeline.motion.planar.motion import PlanarMotion
 
 CELL = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.evaluate import reference
-from pipeline.evaluate.scripted import Rehearsal
+from pipeline.evaluate.policies import reference
+from pipeline.evaluate.scenes.scripted import Rehearsal
 
 TRIAL = SimpleNamespace(scene=None, fps=15)
 AT = np.array([0.0, 0.3, 0.74, 1, 0, 0, 0])

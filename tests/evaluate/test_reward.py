@@ -4,11 +4,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-import pipeline.evaluate.protocol as protocol
+import pipeline.evaluate.scenes.manifests as protocol
 from pipeline.evaluate import DominoEnv, env_id
-from pipeline.evaluate.case import expert_actions
-from pipeline.evaluate.reward import RewardError, Shaped
-from pipeline.evaluate.scenes import OtherCase
+from pipeline.evaluate.environment.reward import RewardError, Shaped
+from pipeline.evaluate.scenes.case import expert_actions
+from pipeline.evaluate.scenes.training import OtherCase
 from tests.evaluate.test_env import case_of
 
 DISCOUNT = 0.97

@@ -19,11 +19,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from pipeline import cli
-from pipeline.evaluate.clock import parse_clock
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import NoAnswer, Observation, PolicyError
-from pipeline.evaluate.policy_contract import Contract
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.contract import Contract
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.server import Place, ServeError
 from pipeline.evaluate.serving.session import DominoSession, contract_of
 from pipeline.evaluate.serving.wire import WireError, pack, unpack

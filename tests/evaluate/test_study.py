@@ -8,9 +8,9 @@ from benchmarks.study import page, tables
 from benchmarks.study.plan import GOES_ON, LATE, TEN, groups
 from benchmarks.study.rows import Rate, Rows, at
 from pipeline.data.setup import DEFAULT
-from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.intervals import wilson
-from pipeline.evaluate.policies import policy_name
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.scoring.clock import parse_clock
+from pipeline.evaluate.scoring.intervals import wilson
 from pipeline.tasks import TASKS
 
 

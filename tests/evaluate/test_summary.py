@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pipeline.evaluate.intervals import bootstrap, wilson
-from pipeline.evaluate.summary import over_tasks, summarise, table
+from pipeline.evaluate.scoring.intervals import bootstrap, wilson
+from pipeline.evaluate.scoring.summary import over_tasks, summarise, table
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 20), (1, 7), (10, 20), (19, 20), (100, 100)])

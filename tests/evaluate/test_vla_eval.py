@@ -8,8 +8,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from pipeline.evaluate.case import BLIND, expert_actions
-from pipeline.evaluate.protocol import Manifests
+from pipeline.evaluate.scenes.case import BLIND, expert_actions
+from pipeline.evaluate.scenes.manifests import Manifests
 from tests.evaluate.test_env import case_of
 
 
@@ -43,7 +43,7 @@ def benchmark(monkeypatch):
     vars(modules["vla_eval.specs"]).update(specs)
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
-    name = "pipeline.evaluate.vla_eval"
+    name = "pipeline.evaluate.serving.bridges.vla_eval"
     monkeypatch.delitem(sys.modules, name, raising=False)
     yield importlib.import_module(name).DominoBenchmark
     sys.modules.pop(name, None)

@@ -7,9 +7,9 @@ import pytest
 
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.rules import STRICT
-from pipeline.evaluate.case import expert_actions
-from pipeline.evaluate.trial import SUCCESS, Trial
-from pipeline.evaluate.watch import Watch, with_frame
+from pipeline.evaluate.scenes.case import expert_actions
+from pipeline.evaluate.scenes.trial import SUCCESS, Trial
+from pipeline.evaluate.scenes.watch import Watch, with_frame
 from pipeline.stages.scene import build_scene
 from pipeline.tasks.outcome import Outcome
 from tests.evaluate.test_env import case_of

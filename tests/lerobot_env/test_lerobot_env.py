@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.data.recipe.model import Cell
-from pipeline.evaluate.case import expert_actions, setup_of
-from pipeline.evaluate.evaluate import inline
-from pipeline.evaluate.metrics import score
-from pipeline.evaluate.protocol import Manifests
+from pipeline.evaluate.scenes.case import expert_actions, setup_of
+from pipeline.evaluate.scenes.manifests import Manifests, inline
+from pipeline.evaluate.scoring.metrics import score
 from pipeline.tasks.contract import expand_tasks
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import pytest
 from pipeline.data.sensors import Sensors
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.evaluate.views import Eyes
+from pipeline.evaluate.scenes.views import Eyes
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.stages.render import appearance_of, body_poses, capture, renderer
 from pipeline.stages.scene import build_scene

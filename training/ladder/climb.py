@@ -15,13 +15,13 @@ from pipeline.data.disk import check_directory
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Corrections
 from pipeline.data.setup import Setup
-from pipeline.evaluate.adapters.lerobot import LerobotForm
-from pipeline.evaluate.case import blind
-from pipeline.evaluate.clock import Clock
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.evaluate import evaluate as run_evaluation
-from pipeline.evaluate.policy import PolicyName
-from pipeline.evaluate.protocol import Runner
+from pipeline.evaluate.policies.lerobot import LerobotForm
+from pipeline.evaluate.policies.policy import PolicyName
+from pipeline.evaluate.scenes.case import blind
+from pipeline.evaluate.scenes.manifests import Runner
+from pipeline.evaluate.scoring.clock import Clock
 from pipeline.report.card.ladder import RESULTS, Result
 from training.ladder.demonstrations import Demonstration, make_demonstrations, read_demonstrations
 from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy, lerobot_dataset

@@ -14,7 +14,7 @@ from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
-from pipeline.evaluate.protocol import Runner
+from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.poses import Floats
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.failure import Failure

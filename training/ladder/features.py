@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.state_log import StateLog
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.scenes.trial import Trial
 from pipeline.poses import Floats, quat_rotate
 from pipeline.world.objects import Family
 

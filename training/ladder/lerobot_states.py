@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.evaluate.adapters.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy, silence_torchcodec
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.policy import Observation
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.policies.lerobot import ACTION, ENVIRONMENT, STATE, LerobotPolicy, silence_torchcodec
+from pipeline.evaluate.policies.policy import Observation
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.trial import Trial
 from pipeline.world.robots import get_embodiment
 from training.ladder.demonstrations import Demonstration
 from training.ladder.features import Sight, features

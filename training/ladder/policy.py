@@ -4,13 +4,13 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from pipeline.evaluate.adapters.files import digest_of
-from pipeline.evaluate.adapters.lerobot import load
-from pipeline.evaluate.adapters.settings import Settings, parse_settings
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.policies import FORMS
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.names import FORMS
+from pipeline.evaluate.policies.files import digest_of
+from pipeline.evaluate.policies.lerobot import load
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
+from pipeline.evaluate.policies.settings import Settings, parse_settings
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.trial import Trial
 from training.ladder import features
 from training.ladder.features import Sight, reference
 from training.ladder.lerobot_states import LerobotStates, settings_of

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.atomic import write_atomic
-from pipeline.evaluate.intervals import clustered
+from pipeline.evaluate.scoring.intervals import clustered
 from pipeline.report.card.ladder import Result, Score, read_results
 
 KEYS = ("task", "embodiment", "alpha", "level", "inputs", "chunk", "execute", "demonstrations", "round")

@@ -12,7 +12,7 @@ import torch
 
 from pipeline.data.cameras import look
 from pipeline.data.names import SIDES
-from pipeline.evaluate.policy import Observation, Start
+from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma.cache import Cache
 from training.puma.config import Config, Source
 from training.puma.data import Corpus, Part, preprocessing_of

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from pipeline.data.episode.jpeg import decode_frame
-from pipeline.evaluate.policy import Observation, Start
+from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma import checkpoint
 from training.puma.config import Config, Source
 from training.puma.data import Corpus, Part, batch_of, open_corpus

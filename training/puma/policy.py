@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
-from pipeline.evaluate.case import Case
-from pipeline.evaluate.policy import BatchPolicy, Observation, PolicyError, Start
-from pipeline.evaluate.policy_contract import Contract
-from pipeline.evaluate.serving.history import CLOCK_TOLERANCE, Recent
-from pipeline.evaluate.trial import Trial
+from pipeline.evaluate.policies.contract import Contract
+from pipeline.evaluate.policies.policy import BatchPolicy, Observation, PolicyError, Start
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.trial import Trial
+from pipeline.evaluate.serving.bridges.history import CLOCK_TOLERANCE, Recent
 from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute

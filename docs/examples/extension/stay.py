@@ -1,7 +1,7 @@
 """A policy by name: it holds the joints where they were at the start."""
 
-from pipeline.evaluate.policies import POLICIES
-from pipeline.evaluate.policy import Observation, Start
+from pipeline.evaluate.names import POLICIES
+from pipeline.evaluate.policies.policy import Observation, Start
 
 
 class Stay:

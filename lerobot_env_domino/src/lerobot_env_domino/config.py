@@ -14,7 +14,7 @@ from lerobot_env_domino.lazy import LazyVector
 from pipeline.data.names import exported_names
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.case import setup_of
+from pipeline.evaluate.scenes.case import setup_of
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
 from pipeline.world.cameras import setup_cameras

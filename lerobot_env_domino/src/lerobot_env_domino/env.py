@@ -12,10 +12,9 @@ from pipeline.data.clock import at_rate
 from pipeline.data.names import exported_names
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
-from pipeline.evaluate.case import UNSEEN, Case
-from pipeline.evaluate.env import DominoEnv
-from pipeline.evaluate.evaluate import inline
-from pipeline.evaluate.protocol import Manifests
+from pipeline.evaluate.environment.env import DominoEnv
+from pipeline.evaluate.scenes.case import UNSEEN, Case
+from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
 

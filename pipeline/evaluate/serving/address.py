@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, urlsplit
 
-from pipeline.evaluate.policy import PolicyError
+from pipeline.evaluate.policies.policy import PolicyError
 
 TOKEN = "DOMINO_POLICY_TOKEN"
 """The environment variable that holds the token, on both sides: a command line can be read by everybody on the machine."""

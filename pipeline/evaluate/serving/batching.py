@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import BatchPolicy, NoAnswer, Observation, PolicyError, Start
+from pipeline.evaluate.policies.policy import BatchPolicy, NoAnswer, Observation, PolicyError, Start
 
 MOST = 64
 """Questions that one batch may hold."""

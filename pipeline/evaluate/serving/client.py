@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, chunk_of, line_of_text
-from pipeline.evaluate.policy_contract import difference, mismatch, served
+from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.policies.contract import difference, mismatch, served
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
 from pipeline.evaluate.serving.address import Address, parse_address, token
 from pipeline.evaluate.serving.session import PROTOCOL, VERSION, contract_of, setup_keys, text
 from pipeline.evaluate.serving.socket import ANSWER_SECONDS, CONNECT_SECONDS, Lost, Socket, retry_connect
 from pipeline.evaluate.serving.wire import WireError
-from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER
 
 SCHEMES = ("ws", "wss")
 FAULTS: dict[str, type[DominoError]] = {INVALID_ACTION: ActionError, NO_ANSWER: NoAnswer}

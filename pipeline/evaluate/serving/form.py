@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from pipeline.evaluate.policy import Policy, PolicyName
+from pipeline.evaluate.policies.policy import Policy, PolicyName
 from pipeline.evaluate.serving.address import Address, parse_address
 
 

@@ -12,7 +12,7 @@ from socket import socketpair
 from typing import Any
 
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import Gone, PolicyName
+from pipeline.evaluate.policies.policy import Gone, PolicyName
 from pipeline.evaluate.serving.client import Channel, Client
 from pipeline.evaluate.serving.session import contract_of
 from pipeline.evaluate.serving.socket import Lost

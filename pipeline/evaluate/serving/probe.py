@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
 from pipeline.evaluate.serving.wire import pack
 
 PROMPT = "hold still"

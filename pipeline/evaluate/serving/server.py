@@ -21,12 +21,13 @@ from websockets.http11 import Request, Response
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import NoAnswer, Policy, line_of
+from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.policies.policy import NoAnswer, Policy
+from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
 from pipeline.evaluate.serving.address import TOKEN, is_host, is_loopback
 from pipeline.evaluate.serving.batching import Seat
 from pipeline.evaluate.serving.session import Language, Session
 from pipeline.evaluate.serving.wire import LARGEST, WireError, pack, unpack
-from pipeline.evaluate.trial import INVALID_ACTION, NO_ANSWER
 
 BAD_MESSAGE, FAILED, BUSY = 1008, 1011, 1013
 """Close codes: the client's fault, the policy's, nobody's."""

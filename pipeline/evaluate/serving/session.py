@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
-from pipeline.evaluate.policy import Observation, Policy, PolicyError, Start, chunk_of, count_inferences
-from pipeline.evaluate.policy_contract import Contract, Served, declared, difference, mismatch, plain
+from pipeline.evaluate.policies.contract import Contract, Served, declared, difference, mismatch, plain
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, Start, chunk_of, count_inferences
 from pipeline.evaluate.serving.wire import WireError, pack
 
 PROTOCOL, VERSION = "domino-policy", 1

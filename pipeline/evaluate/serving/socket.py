@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from pipeline.data.reading import printable
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.policy import NoAnswer, PolicyError
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
 from pipeline.evaluate.serving.wire import LARGEST, WireError, pack, unpack
 
 CONNECT_SECONDS = 10.0

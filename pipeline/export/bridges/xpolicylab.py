@@ -14,7 +14,7 @@
 
 `state[t]` is the joint target in force at frame t, `action[t]` the one commanded for the interval after it. RoboTwin stores its
 drive targets, too: readers that take `state[t + 1]` for the action get what those get that read `action[t]`. An evaluation shows a
-policy the same state (evaluate/adapters/xpolicylab.py). Hand poses are measured; those of `action` are of the next frame.
+policy the same state (evaluate/policies/xpolicylab.py). Hand poses are measured; those of `action` are of the next frame.
 """
 
 import json

@@ -13,7 +13,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.rules import Corrections
-from pipeline.evaluate.evaluate import inline
+from pipeline.evaluate.scenes.manifests import inline
 from pipeline.export.shared.card import read_card
 from pipeline.planning.planner import planner_for
 from pipeline.report.card.ladder import RESULTS, read_results, table

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.data.recipe.model import Cell
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import PolicyError
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.policy import PolicyError
 from training.ladder.demonstrations import Demonstration
 from training.ladder.features import State, chunks, earlier, features, target_first
 from training.ladder.network import Network, Settings

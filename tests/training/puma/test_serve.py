@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.clock import parse_clock
-from pipeline.evaluate.policies import policy_name
-from pipeline.evaluate.policy import PolicyError, Start
-from pipeline.evaluate.policy_contract import served
+from pipeline.evaluate.names import policy_name
+from pipeline.evaluate.policies.contract import served
+from pipeline.evaluate.policies.policy import PolicyError, Start
+from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.address import parse_address
 from pipeline.evaluate.serving.client import Remote
 from pipeline.evaluate.serving.server import Place

@@ -13,9 +13,9 @@ import torch
 from safetensors.torch import load_file
 
 from pipeline.data.episode.file import open_episode
-from pipeline.evaluate.policies import make_policy, policy_name
-from pipeline.evaluate.policy import Observation, PolicyError, Start
-from pipeline.evaluate.policy_contract import mismatch, served
+from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.policies.contract import mismatch, served
+from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from tests.synthetic import episode_path, vector_names
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint

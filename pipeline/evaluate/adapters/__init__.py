@@ -1,1 +1,0 @@
-"""Policies written for other projects, in this process."""

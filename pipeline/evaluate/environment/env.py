@@ -1,0 +1,200 @@
+"""The gymnasium environment of one task: images, measured joints and an instruction in, joint targets or tool poses out.
+
+    import gymnasium, pipeline.evaluate
+    env = gymnasium.make("domino/click_bell-v0", embodiment="aloha", level=1, alpha=0.1)
+
+One step is one control period of simulated time. `reset(seed=n)` takes the scene of seed n if the expert solves it, else that of
+the next seed derived from n; `reset(options={"case": case})` takes an admitted case as it is. docs/reinforcement_learning.md says
+how to train in it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.recipe.model import Cell
+from pipeline.data.setup import Setup
+from pipeline.data.spec import EpisodeSpec
+from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pose_action_names
+from pipeline.evaluate.environment.observation import Moment, PolicyView, StateView, View
+from pipeline.evaluate.environment.reward import NOTHING, Meter, Progress, Shaped, check_discount
+from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
+from pipeline.evaluate.scenes.training import case_of_seed, check_case, training_scenes
+from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Trial
+from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
+from pipeline.evaluate.scoring.metrics import score
+from pipeline.motion.models import levels_of
+from pipeline.stages.scene import build_scene
+from pipeline.tasks import TASKS
+from pipeline.tasks.needed_arms import can_do
+from pipeline.world.robots import get_embodiment
+
+ACTIONS = ("joint", "ee")
+OBSERVATIONS = ("policy", "state")
+REWARDS = ("score", "dense")
+
+
+class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+    """One task x embodiment x level x alpha x domain.
+
+    `setup` is a Setup, keys of one (`{"cameras": ["head"], "fps": 30}`), or the directory of a dataset whose setup is taken.
+
+    Observation: `observations="policy"` is a dictionary with "agent_pos" (A,) measured joints, grippers 0-1; "instruction";
+    "pixels" with (H,W,3) uint8 by camera unless the setup has none, and, where it has them, "depth" with (H,W) uint16 in mm along
+    the viewing axis and "segmentation" with (H,W) uint8 by camera, and "pointcloud" (N,6) of the head camera.
+    `observations="state"` is one vector (N,) of the true state without images, whose numbers `state_names` names: measured joints,
+    drive targets, joint velocities, poses of both tools and of all bodies of the task, the target's velocity, the progress of
+    reward.py, and the share of time left. All spaces are bounded, and numbers beyond the bounds are cut.
+
+    Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"` (8S,) per arm a tool pose (x, y,
+    z, qw, qx, qy, qz; world frame) and a gripper value.
+
+    Reward: `reward="score"` is 0 until the episode ends and then its manipulation score (0-100). `reward="dense"` is 1 at a success
+    plus the change of a potential with `discount` (reward.py); there the step limit ends an episode as `terminated`, because it
+    belongs to the task and `time_left` shows it.
+
+    `scenes=N` draws every episode from N scenes that the expert solved at the first reset, none of which an evaluation with a
+    `--seed` below 10000 shows. The directory `manifests` keeps them for the next process. With `scenes=0` every reset without a
+    seed runs the expert on a new scene. `info["is_success"]` is always there; at the end `info["score"]` has all of metrics.Score.
+    Raises ValueError for an option, level, alpha or domain that does not exist, RecipeError for a wrong key of a setup.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": DEFAULT_FPS}  # noqa: RUF012 (gymnasium's name and form)
+
+    def __init__(
+        self,
+        task: str,
+        embodiment: str = "aloha-agilex",
+        level: int = 1,
+        alpha: float = 0.1,
+        domain: str = "clean",
+        *,
+        setup: Setup | Mapping[str, Any] | str | Path = UNSEEN,
+        actions: str = "joint",
+        observations: str = "policy",
+        reward: str = "score",
+        discount: float = 0.99,
+        scenes: int = 0,
+        manifests: str | Path | None = None,
+        instructions: str = "unseen",
+        render_mode: str | None = None,
+    ) -> None:
+        kinds = {"actions": (actions, ACTIONS), "observations": (observations, OBSERVATIONS), "reward": (reward, REWARDS)}
+        for name, (value, known) in kinds.items():
+            if value not in known:
+                raise ValueError(f"{name} {value!r} is unknown: choose {', '.join(known)}")
+        if not isinstance(scenes, int) or scenes < (manifests is not None):
+            raise ValueError(f"scenes {scenes!r}: give how many scenes episodes are drawn from, at least 1 with manifests")
+        setup = setup_of(setup)
+        if level not in (levels := levels_of(TASKS[task].motion)):
+            raise ValueError(f"level {level!r} is unknown: {TASKS[task].motion} has {', '.join(map(str, levels))}")
+        robot = get_embodiment(embodiment)
+        if not can_do(TASKS[task], robot.sides):
+            raise ValueError(f"task {task!r}: {robot.name} has no arm for it: use two arms")
+        spec = EpisodeSpec(task, robot.name, level, alpha, domain, 0, 0)
+        self._cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+        self.setup = setup if observations == "policy" else blind(setup)
+        self.task, self._split, self.render_mode = task, instructions, render_mode
+        self.fps, self.metadata = setup.fps, self.metadata | {"render_fps": setup.fps}
+        limits = joint_limits(robot)
+        self.action_names = limits.names if actions == "joint" else pose_action_names(robot)
+        if actions == "joint":
+            low, high = limits.lower, limits.upper
+        else:
+            low, high = (
+                np.array([-2.0, -2.0, 0.0, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides)),
+                np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides)),
+            )
+        self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
+        self._view: View = PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
+        self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
+        self.observation_space = self._view.space
+        self._discount = check_discount(discount) if reward == "dense" else None
+        self._measures = reward == "dense" or observations == "state"
+        self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
+        self._trial: Trial | None = None
+        self._eyes: Eyes | None = None
+        self._tools = ToolPoses(robot) if actions == "ee" else None
+        self.task_description = ""
+        self.case: Case | None = None
+        """The scene of the episode, for whoever evaluates. Whatever is handed to a policy must not name it."""
+
+    @property
+    def trial(self) -> Trial:
+        """The running trial. Raises RuntimeError before the first reset."""
+        if self._trial is None:
+            raise RuntimeError("reset the environment before it is used")
+        return self._trial
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; see the module. Raises NoCase if the expert solves none of 30 seeds, OtherCase for a case of another
+        cell or setup."""
+        super().reset(seed=seed)
+        case = (options or {}).get("case") or self._draw_case(seed)
+        check_case(case, self._cell, self.setup)
+        self._close_eyes()
+        scene = build_scene(case.spec, self.setup.ruling()).furnished(case.target_motion)
+        self._trial = Trial(scene, case.target_motion, self.setup)
+        self.task_description = instruction_of(scene, self._split)
+        if self.setup.cameras:
+            self._eyes = Eyes(scene, self.setup)
+        elif self.render_mode:
+            self._eyes = Eyes(scene, self.setup.override({"cameras": ["head"]}))
+        self.case = case
+        progress = self._begin_measuring(self._trial)
+        return self._observe(progress), {"is_success": False, "task_description": self.task_description}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control period. Raises ActionError for an action of another shape or that is not finite."""
+        trial, info = self.trial, dict[str, Any]()
+        values = check_action(action, len(self.action_names))
+        if self._tools is not None:
+            values, info["unreachable"] = self._tools.joints(values, trial.simulation.command)
+        trial.advance(values)
+        info["is_success"] = trial.ending == SUCCESS
+        progress = self._meter.measure() if self._meter else NOTHING
+        reward = self._shaped.reward(progress.potential, trial.ending) if self._shaped else 0.0
+        if trial.ending:
+            result = score(trial)
+            reward = reward if self._shaped else result.manipulation_score
+            info |= {"ending": trial.ending, "score": asdict(result)}
+        truncated = trial.ending == TIME_LIMIT and self._shaped is None
+        return self._observe(progress), reward, bool(trial.ending) and not truncated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The image (H,W,3) now of the setup's first camera, of the head camera where it has none, in the mode "rgb_array"."""
+        if self.render_mode is None or self._eyes is None:
+            return None
+        return next(iter(self._eyes.look(self.trial.recorder).images.values()))
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._close_eyes()
+
+    def _close_eyes(self) -> None:
+        if self._eyes is not None:
+            self._eyes.close()
+        self._eyes = None
+
+    def _begin_measuring(self, trial: Trial) -> Progress:
+        self._meter = Meter(trial) if self._measures else None
+        progress = self._meter.measure() if self._meter else NOTHING
+        self._shaped = None if self._discount is None else Shaped(self._discount, progress.potential)
+        return progress
+
+    def _observe(self, progress: Progress) -> Any:
+        sight = self._eyes.look(self.trial.recorder) if self.setup.cameras and self._eyes else Sight()
+        return self._view.observe(self.trial, Moment(self.task_description, sight, progress))
+
+    def _draw_case(self, seed: int | None) -> Case:
+        """The scene of an episode that names no case."""
+        if self._scenes:
+            known = training_scenes(self._cell, self._scenes, self.setup.physics, self._manifests)
+            return known[int(self.np_random.integers(len(known)))]
+        return case_of_seed(self._cell, int(self.np_random.integers(1 << 31)) if seed is None else seed, self.setup)

@@ -1,0 +1,107 @@
+"""The dense reward of an environment: a potential of how far an episode is, and its change from one step to the next.
+
+Potential-based shaping (Ng, Harada, Russell 1999, ICML): the discounted sum of an episode's rewards is that of the base reward,
+1 at a success, minus the potential of its first state, whatever the policy does. Hence no policy gains by approaching without
+success, by hovering, or by grasping again and again, and an optimal policy stays optimal. It holds for learners with the same
+`discount`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.data.errors import DominoError
+from pipeline.evaluate.scenes.trial import SUCCESS, Trial
+from pipeline.tasks.contract import TRACKING
+
+NEARNESS = 3.0
+"""1/m; how fast a distance d loses its worth, 1 - tanh(3 d): 10 cm are worth 0.71."""
+
+LIFT = 0.05
+"""m; a rise that counts as lifted."""
+
+
+class RewardError(DominoError, ValueError):
+    """A reward or a discount that does not exist."""
+
+
+class Progress(NamedTuple):
+    """How far an episode is, each number in 0-1."""
+
+    approach: float
+    hold: float
+    lift: float
+    place: float
+
+    @property
+    def potential(self) -> float:
+        """Their mean."""
+        return sum(self) / len(self)
+
+
+NOTHING = Progress(0.0, 0.0, 0.0, 0.0)
+"""The progress of an episode that nobody measures."""
+
+
+class Meter:
+    """Measures the progress of a trial; call `measure` once a control period, because `hold` and `lift` are the best so far.
+
+    - approach: nearness of the nearest acting tool to the body that the task handles; 1 once it was held
+    - hold: 1 once both fingers of an acting arm touched that body; where the target is pressed, once a finger touched it
+    - lift: its greatest rise over LIFT
+    - place: from the first touch of the target on, the share of the success conditions that hold; where something is brought to
+      another body, the mean of that and the nearness of the two, seen from above
+    """
+
+    def __init__(self, trial: Trial) -> None:
+        scene = trial.scene
+        task, loose = scene.task, [name for name, body in scene.bodies.items() if not body.inside and name not in scene.clutter]
+        self._trial, self._handled = trial, task.manipulated
+        self._sides = sorted(set(scene.arms.values()))
+        self._pressed = task.category == TRACKING and task.manipulated == task.target
+        others = [task.target, *loose] if task.category == TRACKING else loose
+        self._goal = next((name for name in others if name != task.manipulated), "")
+        self._held = False
+
+    def measure(self) -> Progress:
+        """The progress now."""
+        trial = self._trial
+        simulation, outcome = trial.simulation, trial.scene.outcome(trial.log())
+        at = simulation.pose(self._handled)[:3]
+        touch = outcome.touched if self._pressed else outcome.holds
+        self._held = self._held or any(touch(side, self._handled) for side in self._sides)
+        nearest = min(float(np.linalg.norm(simulation.tcp(side)[:3] - at)) for side in self._sides)
+        lift = 0.0 if self._pressed else min(1.0, max(0.0, outcome.highest_rise(self._handled) / LIFT))
+        place = 0.0
+        if simulation.touched_by:
+            conditions = trial.conditions()
+            place = sum(conditions.values()) / len(conditions)
+            if self._goal:
+                apart = float(np.linalg.norm(simulation.pose(self._goal)[:2] - at[:2]))
+                place = (place + near(apart)) / 2
+        return Progress(1.0 if self._held else near(nearest), float(self._held), lift, place)
+
+
+class Shaped:
+    """The dense reward of one episode, from the potential of its first state on."""
+
+    def __init__(self, discount: float, potential: float) -> None:
+        self._discount, self._before = discount, potential
+
+    def reward(self, potential: float, ending: str) -> float:
+        """The reward of a step to a state of this potential; every ending has the potential 0."""
+        after = 0.0 if ending else potential
+        before, self._before = self._before, after
+        return float(ending == SUCCESS) + self._discount * after - before
+
+
+def near(distance: float) -> float:
+    """What a distance (m) is worth, 1 at none and towards 0 far away."""
+    return 1.0 - float(np.tanh(NEARNESS * distance))
+
+
+def check_discount(discount: float) -> float:
+    """The discount. Raises RewardError for one outside 0-1."""
+    if not 0 < discount <= 1:
+        raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1, the discount of the learner")
+    return discount

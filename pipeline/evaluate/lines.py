@@ -1,0 +1,20 @@
+"""What foreign code or a server told, as one printable line."""
+
+from pipeline.data.reading import printable
+
+
+def line_of(error: BaseException) -> str:
+    """The type and the message of an error that foreign code raised, in one printable line of bounded length."""
+    if isinstance(error, SystemExit):
+        code = error.code if isinstance(error.code, str) else f"exit code {error.code or 0}"
+        return line_of_text(f"the process ended by itself: {code}")
+    try:
+        text = str(error)
+    except Exception:  # noqa: BLE001 (its __str__ is foreign code too)
+        text = ""
+    return line_of_text(f"{type(error).__name__}: {text}")
+
+
+def line_of_text(text: object) -> str:
+    """What foreign code or a server told, in one printable line of bounded length."""
+    return printable(" ".join(str(text)[:5000].split())[:500])

@@ -1,0 +1,190 @@
+"""Policies by name: built-in ones, and files with a function `make_policy()`.
+
+The first part of a name, up to a colon, may be a kind of policy: FORMS has one entry for each, given the whole name. Modules that
+distributions announce in the entry points GROUP add to both registries; they are imported when a policy is asked for by name.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import entry_points
+from inspect import getsource, signature
+from pathlib import Path
+from typing import Any, Protocol
+
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import real
+from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.policies.files import digest_of, module_of
+from pipeline.evaluate.policies.lerobot import LerobotForm
+from pipeline.evaluate.policies.policy import Policy, PolicyError, PolicyName, Start
+from pipeline.evaluate.policies.reference import Chaser, Interceptor, Random, Replay, Static, Tapper
+from pipeline.evaluate.policies.robotwin import RobotwinForm
+from pipeline.evaluate.policies.xpolicylab import XPolicyLabForm
+from pipeline.evaluate.serving.bridges import groot, openpi, starvla
+from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
+from pipeline.evaluate.serving.form import ServerForm
+from pipeline.evaluate.serving.own_process import OwnProcess
+from pipeline.evaluate.serving.probe import probe_policy
+from pipeline.registry import Registry
+
+POLICIES = Registry[Callable[..., Policy]]("policy")
+"""Built-in policies by name; their keyword arguments are numbers."""
+
+IN_PROCESS = Registry[Callable[[], Policy]]("policy of this process")
+"""Classes and functions that make policies, by the text of their names."""
+GROUP = "domino_data.policies"
+
+MOST = 10_000
+"""No argument of a built-in policy (m, s, actions) is larger."""
+
+
+class Form(Protocol):
+    """A kind of policy that is named KIND:..."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check that the policy exists, without making it. Raises PolicyError."""
+        ...
+
+    def make(self, text: str) -> Policy:
+        """The policy. Raises PolicyError if it cannot be made."""
+        ...
+
+
+FORMS = Registry[Form]("kind of policy")
+"""Kinds of policies by what stands before the colon."""
+
+PROBED = ("openpi", "starvla", "gr00t")
+"""Kinds of policies that are asked a question to tell them apart."""
+
+LOADED = ("robotwin", "xpolicylab", "lerobot", "ladder")
+"""Kinds of policies whose code is loaded on this machine."""
+
+for _name, _policy in (
+    ("replay", Replay),
+    ("static", Static),
+    ("chaser", Chaser),
+    ("tapper", Tapper),
+    ("interceptor", Interceptor),
+    ("random", Random),
+):
+    POLICIES.add(_name, _policy)
+
+for _name, _form in (
+    *((scheme, RemoteForm()) for scheme in SCHEMES),
+    ("openpi", ServerForm(openpi.OpenpiClient, openpi.PORT, ("execute", "size"))),
+    ("starvla", ServerForm(starvla.StarvlaClient, starvla.PORT, starvla.OPTIONS)),
+    ("gr00t", ServerForm(groot.GrootClient, groot.PORT, ("execute",))),
+    ("robotwin", RobotwinForm()),
+    ("xpolicylab", XPolicyLabForm()),
+    ("lerobot", LerobotForm()),
+):
+    FORMS.add(_name, _form)
+
+
+@cache
+def load_entry_points() -> None:
+    """Import the modules of the entry points GROUP. Raises PolicyError for one that cannot be imported."""
+    for point in entry_points(group=GROUP):
+        try:
+            import_module(point.module)
+        except Exception as error:
+            raise PolicyError(f"entry point {point.name}: {point.module} cannot be imported: {line_of(error)}") from error
+
+
+def policy_name(text: str) -> PolicyName:
+    """Check that a policy exists, without making it. Raises PolicyError."""
+    load_entry_points()
+    kind = text.partition(":")[0]
+    if kind in FORMS:
+        return replace(FORMS[kind].name(text), process="server" if kind in (*SCHEMES, *PROBED) else "evaluator")
+    if text.endswith(".py"):
+        return PolicyName(str(Path(text).resolve()), f"{Path(text).name}@{digest_of([Path(text)])}")
+    if kind not in POLICIES:
+        forms = "".join(f", {form}:..." for form in FORMS)
+        raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
+    _, arguments = _arguments(text)
+    known = list(signature(POLICIES[kind]).parameters)
+    if unknown := [key for key in arguments if key not in known]:
+        raise PolicyError(f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}")
+    return PolicyName(text, text)
+
+
+def in_process(make: Callable[[], Policy]) -> PolicyName:
+    """The name of a policy that a class or function of this process makes, labelled with a hash of its source text.
+
+    No other process can make it. Raises PolicyError if the source text is not known.
+    """
+    name = getattr(make, "__name__", type(make).__name__)
+    try:
+        label = f"{name}@{sha256(getsource(make).encode()).hexdigest()[:8]}"
+    except (OSError, TypeError) as error:
+        raise PolicyError(
+            f"policy {name}: has no source text ({error}): save it as FILE.py with make_policy() and name that"
+        ) from error
+    text = f"{label}-{id(make)}"  # one of the same text may hold other weights
+    if text not in IN_PROCESS:
+        IN_PROCESS.add(text, make)
+    return PolicyName(text, label)
+
+
+def isolate(name: PolicyName, prints: Path | None = None) -> PolicyName:
+    """The same policy in a process of its own, if its code is a file's or that of a form in LOADED. Other names are unchanged.
+
+    What it prints is appended to the file `prints`.
+    """
+    loaded = name.text.endswith(".py") or name.text.partition(":")[0] in LOADED
+    return replace(name, process="own", prints=prints) if loaded else name
+
+
+def identify(name: PolicyName, start: Start) -> PolicyName:
+    """The name of a policy, with a probe if its port does not name what it serves; other names are unchanged.
+
+    `start` is an episode of the evaluation. Raises PolicyError; see probe.py.
+    """
+    return probe_policy(name, make_policy(name), start) if name.text.partition(":")[0] in PROBED else name
+
+
+def make_policy(name: PolicyName) -> Policy:
+    """The policy of a name. Raises PolicyError if it cannot be made, whatever its own code raises."""
+    try:
+        return _make(name)
+    except (DominoError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise PolicyError(f"--policy {name.text}: cannot be made: {line_of(error)}") from error
+
+
+def _make(name: PolicyName) -> Policy:
+    if name.process == "own":
+        return OwnProcess(name)
+    load_entry_points()
+    kind = name.text.partition(":")[0]
+    if kind in FORMS:
+        return FORMS[kind].make(name.text)
+    if name.text in IN_PROCESS:
+        return IN_PROCESS[name.text]()
+    if not name.text.endswith(".py"):
+        built_in, arguments = _arguments(name.text)
+        return POLICIES[built_in](**arguments)
+    module = module_of(Path(name.text))
+    maker = getattr(module, "make_policy", None)
+    if not callable(maker):
+        raise PolicyError(f"{name.text}: has no function make_policy() that returns a policy")
+    policy: Any = maker()
+    for method in ("reset", "act"):
+        if not callable(getattr(policy, method, None)):
+            raise PolicyError(f"{name.text}: make_policy() returned a {type(policy).__name__} without a method {method}")
+    return policy
+
+
+def _arguments(text: str) -> tuple[str, dict[str, float]]:
+    """ "interceptor:noise=0.01,delay=0.1" as a name and numbers."""
+    name, _, rest = text.partition(":")
+    try:
+        pairs = [part.split("=") for part in rest.split(",") if part]
+        return name, {key: real(value, 0, MOST) for key, value in pairs}
+    except ValueError as error:
+        raise PolicyError(f"--policy {text!r}: write arguments as name:key=number,key=number, each from 0 to {MOST}") from error

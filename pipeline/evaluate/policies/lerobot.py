@@ -1,0 +1,158 @@
+"""LeRobot policies by lerobot's own factory and processors: --policy lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true
+
+Cameras are those of our exports (cam_high, cam_left_wrist, cam_right_wrist) or of episodes (head_camera, ...). Policies that see
+one observation are asked for `n_action_steps` actions at once, others for one at a time. With `resize` images are scaled to the
+sizes that the policy was trained on; without it other sizes are refused.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.evaluate.policies.contract import Contract, mismatch, served
+from pipeline.evaluate.policies.files import digest_of
+from pipeline.evaluate.policies.fit import DATASET_CAMERAS
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
+from pipeline.evaluate.policies.settings import Settings, parse_settings
+
+OPTIONS = ("device", "resize", "revision")
+IMAGES, STATE, ACTION = "observation.images.", "observation.state", "action"
+ENVIRONMENT = "observation.environment_state"
+
+
+class LerobotPolicy:
+    """A pretrained policy with its pre- and postprocessor."""
+
+    def __init__(self, policy: Any, processors: tuple[Any, Any], resize: bool) -> None:
+        self._policy, (self._before, self._after), self._resize = policy, processors, resize
+        config = policy.config
+        self.sees_state = ENVIRONMENT in (config.input_features or {})
+        self._keys: dict[str, tuple[str, tuple[int, int]]] = {}
+        for key, feature in (config.image_features or {}).items():
+            name = str(key).removeprefix(IMAGES)
+            height, width = feature.shape[-2:]
+            self._keys[key] = (DATASET_CAMERAS.get(name, name), (height, width))
+        self._at_once = getattr(config, "n_action_steps", 1) if config.n_obs_steps == 1 else 1
+        self.inferences = 0
+        predict: Any = policy.predict_action_chunk
+
+        def counted(*given: Any, **named: Any) -> Any:
+            self.inferences += 1
+            return predict(*given, **named)
+
+        # lerobot's select_action runs the network through this method, once for all actions of its queue
+        policy.predict_action_chunk = counted
+        self._wanted = Contract(image_sizes=dict(self._keys.values()), chunk=self._at_once)
+
+    def reset(self, start: Start) -> None:
+        """Begin an episode. Raises PolicyError if robot or cameras are not those of the policy."""
+        import torch
+
+        given = served(start)
+        sizes = self._wanted.image_sizes or {}
+        if self._resize:
+            given = replace(given, image_sizes={name: sizes.get(name, size) for name, size in given.image_sizes.items()})
+        if reason := mismatch(self._wanted, given) or self._other_lengths(len(start.action_names)):
+            raise PolicyError(reason)
+        torch.manual_seed(start.seed)
+        self._policy.reset()
+        for processor in (self._before, self._after):
+            processor.reset()
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """A chunk (H,A)."""
+        import torch
+
+        batch = self._before(self.batch(observation))
+        with torch.inference_mode():
+            actions = [self._after(self._policy.select_action(batch)) for _ in range(self._at_once)]
+        return torch.cat(actions).to("cpu", torch.float64).numpy()
+
+    def batch(self, observation: Observation) -> dict[str, Any]:
+        """What LeRobot's processors are given."""
+        import torch
+
+        batch: dict[str, Any] = {
+            STATE: torch.from_numpy(np.asarray(observation.joints, np.float32))[None],
+            "task": [observation.instruction],
+        }
+        for key, (camera, size) in self._keys.items():
+            image = scaled(observation.images[camera], size)
+            batch[key] = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None].float() / 255
+        return batch
+
+    def _other_lengths(self, length: int) -> str:
+        """What is wrong with the number of joints, if anything."""
+        features: Mapping[str, Any] = (self._policy.config.input_features or {}) | (self._policy.config.output_features or {})
+        for key in (STATE, ACTION):
+            if key in features and tuple(features[key].shape) != (length,):
+                return f"{key}: the policy has {features[key].shape[0]} numbers, the robot {length}"
+        return ""
+
+
+def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The image (H,W,3) at another (height, width)."""
+    if image.shape[:2] == size:
+        return image
+    return np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+
+
+class LerobotForm:
+    """The form lerobot:DIRECTORY_OR_REPO?key=value of a policy's name."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check the directory; a repository is not asked before it is used. Raises PolicyError."""
+        settings = parse_settings(text)
+        settings.take(*OPTIONS)
+        folder = Path(settings.path)
+        if not folder.is_dir():
+            if settings.path.count("/") != 1 or settings.path.startswith((".", "/", "~")):
+                raise PolicyError(f"--policy {text}: is no directory, and no repository USER/NAME")
+            return PolicyName(text, f"lerobot:{settings.path}@{settings.options.get('revision', 'main')}")
+        if not (folder / "config.json").is_file():
+            raise PolicyError(f"--policy {text}: has no config.json: give the directory that save_pretrained wrote")
+        files = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors"))
+        absolute = text.replace(settings.path, str(folder.resolve()), 1)
+        return PolicyName(absolute, f"lerobot:{folder.resolve().name}@{digest_of(files)}")
+
+    def make(self, text: str) -> Policy:
+        """Load the policy. Raises PolicyError if it cannot be loaded."""
+        settings = parse_settings(text)
+        try:
+            policy = load(settings)
+        except ModuleNotFoundError as error:
+            raise PolicyError(f"--policy {text} needs {error.name}: install domino-data[lerobot]") from error
+        except (OSError, ValueError, KeyError, ImportError) as error:
+            raise PolicyError(f"--policy {text}: cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+        if policy.sees_state:
+            raise PolicyError(f"--policy {text}: sees {ENVIRONMENT}, which only a policy ladder:DIRECTORY is given")
+        return policy
+
+
+def silence_torchcodec() -> None:
+    """Keep LeRobot from printing a page of errors about video decoders that are not needed."""
+    logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
+
+
+def load[P: LerobotPolicy](settings: Settings, kind: type[P] = LerobotPolicy) -> P:
+    """The policy of this kind and its processors, by lerobot's factory."""
+    silence_torchcodec()
+    from lerobot.configs.policies import PreTrainedConfig
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+    options = settings.take(*OPTIONS)
+    revision = str(options["revision"]) if "revision" in options else None
+    config = PreTrainedConfig.from_pretrained(settings.path, revision=revision)
+    if "device" in options:
+        config.device = str(options["device"])
+    policy = get_policy_class(config.type).from_pretrained(settings.path, config=config, revision=revision)
+    policy.eval()
+    device = {"device_processor": {"device": str(policy.config.device)}}
+    processors = make_pre_post_processors(config, settings.path, revision, preprocessor_overrides=device)
+    return kind(policy, processors, bool(options.get("resize", False)))

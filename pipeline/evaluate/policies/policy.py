@@ -1,0 +1,221 @@
+"""What a policy is.
+
+    class Policy:
+        def reset(self, start: Start) -> None: ...
+        def act(self, observation: Observation) -> ArrayLike: ...      # one action (A,), or a chunk (H,A) to execute whole
+
+It may say what it was made for in the attributes `setup`, or `fps`, `cameras` and `size`, and `contract` (contract.py): an
+evaluation that differs from it is refused. A policy that answers some questions from a chunk it has counts the runs of its network
+in an attribute `inferences`: latency is charged for those. A policy that can answer several episodes at once is a BatchPolicy.
+"""
+
+import hashlib
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.errors import DominoError
+from pipeline.data.setup import DEFAULT, Setup
+from pipeline.evaluate.actions import ActionError, check_action
+from pipeline.evaluate.lines import line_of
+from pipeline.evaluate.scenes.case import Case
+from pipeline.evaluate.scenes.trial import Trial
+
+PROCESSES = ("evaluator", "own", "server")
+"""Where a policy runs: with the simulation and its judge, in a process of its own that only messages reach, on a server."""
+
+LONGEST_CHUNK = 1000
+"""Actions that one answer may hold."""
+
+
+class PolicyError(DominoError):
+    """A policy that cannot be loaded, or that refuses an episode. One line."""
+
+
+class NoAnswer(PolicyError):
+    """A policy that was ready and gave no answer: an error of its own, a lost connection, a time limit."""
+
+
+class Gone(NoAnswer):
+    """A policy that can answer nothing more: it must be made again."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a policy receives before an episode.
+
+    The instruction, the robot, the names of state and action, actions a second, the cameras it will see, a seed for its own draws,
+    the (height, width) of the images of each camera, and the whole setup. Nothing that a policy receives identifies the scene.
+    """
+
+    instruction: str
+    embodiment: str
+    action_names: tuple[str, ...]
+    fps: int
+    cameras: tuple[str, ...]
+    seed: int
+    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    setup: Setup = DEFAULT
+
+
+def policy_seed(instruction: str, embodiment: str) -> int:
+    """The seed (63 bits) of a policy's own draws: a hash of what it is told anyway, so that it adds nothing about the scene."""
+    return int.from_bytes(hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()[:8], "little") >> 1
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a policy sees: measured joints (A,), grippers 0-1; the instruction; seconds since the start; images.
+
+    Images are (H,W,3) uint8 RGB by camera. If the setup has them: depth images (H,W) uint16 in mm by camera (0 = nothing seen), the
+    body of each pixel (H,W) uint8 by camera, and a point cloud (N,6): x y z (m, world), r g b (0-1). On an `async` clock
+    `committed` are the actions (N,A) that are executed during this inference if it takes as long as the last one.
+    """
+
+    joints: NDArray[np.float64]
+    instruction: str
+    time: float
+    images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    depth: Mapping[str, NDArray[np.uint16]] = field(default_factory=dict)
+    segmentation: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    pointcloud: NDArray[np.float32] | None = None
+    committed: NDArray[np.float64] | None = None
+
+
+class Policy(Protocol):
+    """Anything that can be evaluated."""
+
+    def reset(self, start: Start) -> None:
+        """An episode begins."""
+        ...
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The next action (A,), or a chunk (H,A) of them: drive targets at the end of each control period."""
+        ...
+
+
+class BatchPolicy(ABC):
+    """A policy that answers the questions of many episodes together. In a single episode it is a Policy.
+
+    The policy itself keeps nothing of an episode: all that an episode must remember is in what `begin` returns. If that has an
+    attribute `inferences`, it counts the runs of the network for this episode.
+    """
+
+    _episode: Any = None
+
+    @abstractmethod
+    def begin(self, start: Start) -> Any:
+        """Begin an episode and return its memory. Raises PolicyError if the policy refuses it."""
+
+    @abstractmethod
+    def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:
+        """An answer, as of `act`, for each pair of an episode's memory and its observation; no episode is there twice.
+
+        An answer must not depend on the rest of the batch. After an error each question of the batch is asked again alone, so
+        that it ends one episode only: change a memory after everything that can fail.
+        """
+
+    def reset(self, start: Start) -> None:
+        """Begin a single episode."""
+        self._episode = self.begin(start)
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The answer in the single episode."""
+        return self.act_together([(self._episode, observation)])[0]
+
+    @property
+    def inferences(self) -> int | None:
+        """Runs of the network in the single episode, None if they are not counted."""
+        return getattr(self._episode, "inferences", None)
+
+
+@runtime_checkable
+class SeesTruth(Protocol):
+    """A reference policy that is shown the simulation itself. Never one that was trained, and never one over a network."""
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """The trial that begins and its case; called after `reset`."""
+        ...
+
+
+@dataclass(frozen=True)
+class PolicyName:
+    """How a policy was asked for. `label` names it in results: a file carries a hash of its text. `probe` is a hash of how a server
+    answers a fixed question, "" for other policies. `process` is one of PROCESSES. What a policy in a process of its own
+    prints is appended to the file `prints`; without one it goes to standard error."""
+
+    text: str
+    label: str
+    probe: str = ""
+    process: str = "evaluator"
+    prints: Path | None = None
+
+
+def attribute(policy: object, name: str) -> Any:
+    """An attribute of a policy, None if it has none. Raises PolicyError if its code fails."""
+    with foreign(f"its attribute {name} cannot be read"):
+        return getattr(policy, name, None)
+
+
+@contextmanager
+def foreign(what: str) -> Iterator[None]:
+    """Raise a PolicyError that begins with `what` for any error of foreign code in the block but KeyboardInterrupt."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise PolicyError(f"{what}: {line_of(error)}") from error
+
+
+def count_inferences(policy: object) -> int | None:
+    """How often the network of a policy has run, None if the policy does not count, or not in whole numbers from 0."""
+    count: object = attribute(policy, "inferences")
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        return None
+    return int(count) if count >= 0 else None
+
+
+@contextmanager
+def staying() -> Iterator[None]:
+    """Within the block or function `os._exit` and `os.exec...` raise SystemExit in this process: foreign code ends no run as if it
+    were done.
+
+    Processes that foreign code forks still end as they want.
+    """
+    own, leaving = os.getpid(), {name: getattr(os, name) for name in ("_exit", "execv", "execve")}
+
+    def refuse(name: str, *arguments: object) -> NoReturn:
+        if os.getpid() != own:
+            leaving[name](*arguments)
+        raise SystemExit(f"exit code {arguments[0]} (os._exit)" if name == "_exit" else f"os.{name}({arguments[0]})")
+
+    for name in leaving:
+        setattr(os, name, partial(refuse, name))
+    try:
+        yield
+    finally:
+        for name, leave in leaving.items():
+            setattr(os, name, leave)
+
+
+def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
+    """What a policy answered as a chunk (H,A). Raises ActionError, saying what is wrong with it."""
+    try:
+        values = np.asarray(answer)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"the policy's answer is no array: {line_of(error)}") from error
+    if values.dtype.kind == "b" or not np.can_cast(values.dtype, np.float64, "same_kind"):
+        raise ActionError(f"the policy's answer is of the type {values.dtype}: give floats")
+    rows = values[None] if values.ndim == 1 else values
+    if rows.ndim != 2 or not 1 <= len(rows) <= LONGEST_CHUNK:
+        raise ActionError(f"the policy's answer has the shape {values.shape}; give ({length},) or (H, {length})")
+    return np.stack([check_action(row, length) for row in rows])

@@ -1,0 +1,222 @@
+"""Reference policies that need no training: what a benchmark of moving targets must tell apart.
+
+All but `random` are shown the simulation. They run the task's own script and differ in where they think the target will be.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Observation, PolicyError, Start
+from pipeline.evaluate.scenes.case import Case, expert_actions
+from pipeline.evaluate.scenes.scripted import Rehearsal, live, rehearse
+from pipeline.evaluate.scenes.trial import Trial
+from pipeline.planning.kinematics import ik_many
+from pipeline.planning.planner import Planner
+from pipeline.poses import Floats, Pose
+
+FIRST_GUESSES = (2.0, 1.0, 3.0)
+"""s; when the robot may meet the target: where the target is then may be out of reach although the meeting point is not."""
+
+
+class _Stream:
+    """A policy that takes motions, actions (N,A) planned together, from a generator, and holds the last command when that ends.
+
+    It answers with one action, or with a chunk of at most `chunk` actions that never spans two motions: what follows a motion is
+    planned from the state in which it ended.
+    """
+
+    scripted = True
+    """Its chunks follow each other instead of beginning at the observation: no `async` clock can skip into them."""
+
+    def __init__(self, chunk: float = 1) -> None:
+        if chunk != int(chunk) or not 1 <= chunk <= LONGEST_CHUNK:
+            raise PolicyError(f"chunk={chunk:g}: give a whole number of actions, 1 to {LONGEST_CHUNK}")
+        self._chunk = int(chunk)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._motions: Iterator[Floats] = iter(())
+        self._ready = np.empty((0, 0))
+        self._last: Floats | None = None
+
+    def reset(self, start: Start) -> None:
+        """Forget the last episode."""
+        self._forget()
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The next actions, or the last one again."""
+        while not len(self._ready):
+            motion = next(self._motions, None)
+            if motion is None:
+                return observation.joints if self._last is None else self._last
+            self._ready = motion
+        answer, self._ready = self._ready[: self._chunk], self._ready[self._chunk :]
+        self._last = answer[-1]
+        return answer
+
+
+class Replay(_Stream):
+    """The expert's recorded actions: the upper bound, and the test that recorded actions suffice to imitate."""
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """Make the expert's episode again."""
+        self._motions = iter([expert_actions(case)])
+
+
+class Static(_Stream):
+    """The expert who takes the target to stand where it is at the start; what comes after the meeting is planned live."""
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """Plan for the target as it stands."""
+        plan = rehearse(trial.scene, trial.simulation.pose(trial.scene.task.target), trial.fps)
+        self._motions = _open_loop(trial, plan)
+
+
+class Interceptor(_Stream):
+    """The expert who takes the target to keep the velocity it has at the start, and goes where it will be at the meeting.
+
+    It answers with at most `chunk` actions. `noise` is the standard deviation (m, and a third of it in m/s) of what it is told of
+    position and velocity; for the first `delay` seconds it holds still, and then believes what it saw at the start to be the
+    present.
+    """
+
+    def __init__(self, noise: float = 0.0, delay: float = 0.0, chunk: float = 1) -> None:
+        super().__init__(chunk)
+        if noise > 1 or delay > 60:
+            raise PolicyError(f"noise={noise:g}, delay={delay:g}: give at most 1 m and 60 s")
+        self._noise, self._delay = noise, delay
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """Find the meeting point by rehearsing until it stays within 2 mm."""
+        rng = np.random.default_rng([case.spec.seed, 1])
+        at = trial.simulation.pose(trial.scene.task.target)
+        velocity = trial.simulation.velocity(trial.scene.task.target).copy()
+        at[:2] += rng.normal(0, 1, 2) * self._noise
+        velocity[:2] += rng.normal(0, 1, 2) * self._noise / 3
+        plan = _meeting_plan(trial, at, velocity)
+        self._motions = _open_loop(trial, plan, self._delay)
+
+
+class Chaser(_Stream):
+    """The expert who plans for the target where it is at the start and then follows it to where it is now, without foresight."""
+
+    RAMP = 0.5
+    """Seconds over which it turns from its plan to the moving target, from the beginning of the last skill before the meeting."""
+
+    def __init__(self) -> None:
+        super().__init__()  # every action needs the newest position: no chunks
+
+    def see(self, trial: Trial, case: Case) -> None:
+        """Plan for the target as it stands."""
+        plan = rehearse(trial.scene, trial.simulation.pose(trial.scene.task.target), trial.fps)
+        self._motions = self._acts(trial, plan) if plan else iter(())
+
+    def _acts(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
+        yield from self._follow(trial, plan)
+        yield from _finish(trial, plan)
+
+    def _follow(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
+        planner, target = trial.actor.planner, trial.scene.task.target
+        yield plan.actions[: plan.last_skill]
+        rows = plan.actions[plan.last_skill :]
+        moving = [
+            side for side in planner.embodiment.sides if np.ptp([planner.split(row)[side][0] for row in rows], axis=0).max() > 1e-3
+        ]
+        offset = np.zeros(3)
+        for n, row in enumerate(rows):
+            if not trial.simulation.released:
+                share = min(1.0, n / (self.RAMP * trial.fps))
+                offset = share * (trial.simulation.pose(target)[:3] - plan.aim[:3])
+            yield _shift(planner, row, trial.simulation.command, moving, offset)[None]
+
+
+class Tapper(Chaser):
+    """Follows the target until it touches it, goes back the way it came, and acts as in a still scene: what it solves more than
+    `Static`, the first touch gave it.
+
+    Where something is carried to the target it acts as in a still scene at once, since that must touch first.
+    """
+
+    def _acts(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
+        task = trial.scene.task
+        if task.manipulated != task.target:
+            yield from _open_loop(trial, plan)
+            return
+        way = [trial.simulation.command[None]]
+        for motion in self._follow(trial, plan):
+            yield motion
+            way.append(motion)
+            if trial.simulation.touched_by:
+                break
+        yield np.concatenate(way)[::-1]
+        yield from _open_loop(trial, rehearse(trial.scene, trial.simulation.pose(task.target), trial.fps))
+
+
+def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
+    """The rehearsal that meets a target which is at `at` (7,) now and keeps this velocity (3,), within 2 mm.
+
+    None if no plan is found for any first guess of the meeting's time."""
+
+    def ahead(seconds: float) -> Pose:
+        aim = at.copy()
+        aim[:3] += velocity * seconds
+        return aim
+
+    tried = (rehearse(trial.scene, ahead(guess), trial.fps) for guess in FIRST_GUESSES)
+    plan = next((found for found in tried if found), None)
+    for _ in range(5):
+        if plan is None or np.linalg.norm(ahead(plan.meeting)[:3] - plan.aim[:3]) < 0.002:
+            break
+        better = rehearse(trial.scene, ahead(plan.meeting), trial.fps)
+        if better is None:
+            break
+        plan = better
+    return plan
+
+
+class Random:
+    """A random walk of the drive targets; grippers open and close."""
+
+    STEP = 0.06
+    """Standard deviation (rad or m) of a step."""
+
+    def reset(self, start: Start) -> None:
+        """Begin from the joints of the first observation."""
+        self._rng, self._at = np.random.default_rng([start.seed, 2]), None
+        self._grippers = [i for i, name in enumerate(start.action_names) if name.endswith("gripper")]
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """One step of the walk."""
+        before = observation.joints if self._at is None else self._at
+        self._at = before + self._rng.normal(0, self.STEP, len(before))
+        self._at[self._grippers] = np.clip(self._at[self._grippers], 0, 1)
+        return self._at
+
+
+def _open_loop(trial: Trial, plan: Rehearsal | None, delay: float = 0.0) -> Iterator[Floats]:
+    """The rehearsed motion after `delay` s, then the rest of the script; nothing if there is no plan."""
+    if plan is None:
+        return
+    yield np.repeat(trial.simulation.command[None], round(delay * trial.fps), axis=0)
+    yield plan.actions
+    yield from _finish(trial, plan)
+
+
+def _finish(trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
+    trial.actor.held = dict(plan.held)
+    yield from live(trial.actor, trial.scene.task.finish(trial.actor), trial.fps)
+
+
+def _shift(planner: Planner, row: Floats, command: Floats, sides: list[str], offset: Floats) -> Floats:
+    """The action (A,) with the tools of `sides` moved by `offset` (3,) m in the world; an arm that cannot get there stays."""
+    out, now = list[Floats](), planner.split(command)
+    for side, (q, value) in planner.split(row).items():
+        if side in sides and offset.any():
+            pose: Pose = planner.fk(side, q)
+            pose[:3] += offset
+            found, reached = ik_many(planner.chains[side], pose[None], now[side][0][None])
+            q = found[0] if reached[0] else now[side][0]
+        out.append(np.append(q, value))
+    return np.concatenate(out)

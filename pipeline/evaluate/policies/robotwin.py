@@ -1,0 +1,120 @@
+"""RoboTwin's deploy_policy.py files, unmodified: --policy robotwin:policy/ACT?ckpt_dir=...
+
+The directory is a package, as in RoboTwin: `get_model(usr_args)`, `eval(TASK_ENV, model, observation)` and, if there is one,
+`reset_model(model)` come from its deploy_policy.py. usr_args are the keys of deploy_policy.yml beside it, then the options of the
+name, then left_arm_dim and right_arm_dim. `eval` is called again and again with the newest observation until the episode ends.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from pipeline.data.parsing import ParseError, read_yaml
+from pipeline.evaluate.policies.files import digest_of, files_of
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, foreign
+from pipeline.evaluate.policies.robotwin_env import RobotwinRobot, TaskEnv
+from pipeline.evaluate.policies.settings import Settings, parse_settings
+from pipeline.evaluate.policies.turns import Turns
+
+FILE = "deploy_policy.py"
+
+
+class RobotwinPolicy:
+    """A policy from a deploy_policy.py. The model is made at the first episode, which knows the robot."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._code = load_package(directory_of(settings))
+        for function in ("get_model", "eval"):
+            if not callable(getattr(self._code, function, None)):
+                raise PolicyError(f"{settings.path}: {FILE} has no function {function}")
+        self._model: Any = None
+        self._robot: tuple[str, RobotwinRobot] | None = None
+        self._turns: Turns | None = None
+        self.inferences = 0
+
+    def reset(self, start: Start) -> None:
+        """End the last episode; make the model, or reset it."""
+        if self._turns is not None:
+            self._turns.end()
+        if self._robot is None or self._robot[0] != start.embodiment:
+            robot = RobotwinRobot(start.embodiment)
+            self._model = self._make_model(user_arguments(self._settings, robot.arm_dims))
+            self._robot = (start.embodiment, robot)
+        reset_model = getattr(self._code, "reset_model", None)
+        if callable(reset_model):
+            reset_model(self._model)
+        robot = self._robot[1]
+        self._turns = Turns(lambda turns: self._play(TaskEnv(robot, start, turns)))
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The next action that eval takes."""
+        if self._turns is None:
+            raise PolicyError(f"{self._settings.path}: asked before reset")
+        return self._turns.ask(observation)
+
+    def _make_model(self, arguments: dict[str, Any]) -> Any:
+        """The model. Raises PolicyError: what cannot be loaded now cannot be loaded for any other episode."""
+        with foreign(f"{self._settings.path}: get_model failed"):
+            return self._code.get_model(arguments)
+
+    def _play(self, env: TaskEnv) -> None:
+        while True:
+            before = env.take_action_cnt
+            self.inferences += 1
+            self._code.eval(env, self._model, env.get_obs())
+            if env.take_action_cnt == before:
+                raise PolicyError(f"{self._settings.path}: eval returned without taking an action")
+
+
+def directory_of(settings: Settings) -> Path:
+    """The policy's directory, which the name may give by its deploy_policy.py. Raises PolicyError if there is none."""
+    path = Path(settings.path).resolve()
+    folder = path.parent if path.name == FILE else path
+    if not (folder / FILE).is_file():
+        raise PolicyError(f"--policy {settings.kind}:{settings.path}: there is no {FILE}")
+    if not folder.name.isidentifier():
+        raise PolicyError(f"--policy {settings.kind}:{settings.path}: {folder.name!r} is no name of a Python package: rename it")
+    return folder
+
+
+def load_package(folder: Path) -> ModuleType:
+    """The module deploy_policy of a package, which may import its neighbours. Raises PolicyError if it cannot be loaded."""
+    if str(folder.parent) not in sys.path:
+        sys.path.insert(0, str(folder.parent))
+    with foreign(f"{folder / FILE}: cannot be loaded"):
+        return importlib.import_module(f"{folder.name}.deploy_policy")
+
+
+def user_arguments(settings: Settings, arm_dims: dict[str, int]) -> dict[str, Any]:
+    """usr_args. Raises PolicyError for a deploy_policy.yml that is no map."""
+    path = directory_of(settings) / "deploy_policy.yml"
+    values: Any = {}
+    if path.exists():
+        try:
+            values = read_yaml(path) or {}
+        except ParseError as error:
+            raise PolicyError(str(error)) from error
+        if not isinstance(values, dict):
+            raise PolicyError(f"{path}: is no map")
+    return values | settings.options | {f"{side}_arm_dim": dim for side, dim in arm_dims.items()}
+
+
+class RobotwinForm:
+    """The form robotwin:DIRECTORY?key=value of a policy's name."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check that the directory has a deploy_policy.py. Raises PolicyError."""
+        settings = parse_settings(text)
+        folder = directory_of(settings)
+        files = files_of(folder, user_arguments(settings, {}))
+        absolute = text.replace(settings.path, str(folder), 1)
+        return PolicyName(absolute, f"robotwin:{folder.name}@{digest_of(files)}{settings.text}")
+
+    def make(self, text: str) -> Policy:
+        """The policy. Raises PolicyError."""
+        return RobotwinPolicy(parse_settings(text))

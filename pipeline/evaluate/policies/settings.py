@@ -1,0 +1,43 @@
+"""Names of policies that live in files: KIND:PATH?key=value&key=value."""
+
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import parse_qsl
+
+from pipeline.data.parsing import parse_yaml
+from pipeline.evaluate.policies.policy import PolicyError
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A path and options; values are read as YAML (3, 0.5, true, text)."""
+
+    kind: str
+    path: str
+    options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """The options as they were written, sorted."""
+        return "".join(f",{key}={value}" for key, value in sorted(self.options.items()))
+
+    def take(self, *known: str) -> dict[str, Any]:
+        """The options. Raises PolicyError for one that is not known."""
+        if unknown := sorted(set(self.options) - set(known)):
+            has = f"options are {', '.join(known)}" if known else "it has no options"
+            raise PolicyError(f"--policy {self.kind}:{self.path}: option {unknown[0]!r} is unknown: {has}")
+        return self.options
+
+
+def parse_settings(text: str) -> Settings:
+    """The parts of a name. Raises PolicyError."""
+    kind, _, rest = text.partition(":")
+    path, mark, query = rest.partition("?")
+    try:
+        pairs = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(mark)))
+        options = {key: parse_yaml(value) for key, value in pairs.items()}
+    except ValueError as error:
+        raise PolicyError(f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value") from error
+    if not path:
+        raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
+    return Settings(kind, path, options)

@@ -1,0 +1,127 @@
+"""XPolicyLab's Model classes, in this process: --policy xpolicylab:FILE.py?key=value
+
+The file has a class `Model`, made as Model(settings) from the options of the name, with `reset()`, `update_obs(observation)` and
+`get_action()`. Observations are those of XPolicyLab's format v1.0 (XPolicyLabRobot). An answer is an action (A,), a chunk (H,A) of
+joint targets, or a list of dicts of that format.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.data.names import HEAD, LEFT_WRIST, OBSERVER, RIGHT_WRIST
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.policies.files import digest_of, module_of
+from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
+from pipeline.evaluate.policies.robotwin_env import BEHIND_TCP, RobotwinRobot
+from pipeline.evaluate.policies.settings import parse_settings
+from pipeline.planning.planner import planner_of
+from pipeline.poses import Floats, compose, pose
+from pipeline.world.robots import get_embodiment
+
+METHODS = ("reset", "update_obs", "get_action")
+CAMERAS = {HEAD: "cam_head", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist", OBSERVER: "cam_third_view"}
+
+
+class XPolicyLabRobot:
+    """Observations and actions of a robot in XPolicyLab's format v1.0; files of `export --format xpolicylab` hold the same."""
+
+    def __init__(self, embodiment: str) -> None:
+        self._planner, self._robotwin = planner_of(get_embodiment(embodiment)), RobotwinRobot(embodiment)
+
+    def observation(self, seen: Observation, command: Floats, fps: int) -> dict[str, Any]:
+        """vision/<camera>/color (H,W,3) uint8, state/..., instruction; `command` (A,) are the joint targets in force, which are the
+        joints and grippers of `state`. Poses are measured."""
+        measured, targets = self._planner.split(np.asarray(seen.joints, float)), self._planner.split(command)
+        state: dict[str, Any] = {}
+        for side in measured:
+            tcp = self._planner.fk(side, measured[side][0])
+            state |= {
+                f"{side}_arm_joint_state": targets[side][0].astype(np.float32),
+                f"{side}_ee_joint_state": np.array([targets[side][1]], np.float32),
+                f"{side}_ee_pose": compose(tcp, pose((-BEHIND_TCP, 0, 0))).astype(np.float32),
+                f"{side}_tcp_pose": np.asarray(tcp, np.float32),
+            }
+        vision = {CAMERAS.get(name, name): {"color": image, "shape": image.shape[:2]} for name, image in seen.images.items()}
+        for name, depth in seen.depth.items():
+            vision[CAMERAS.get(name, name)]["depth"] = depth
+        return {
+            "data_format_version": "v1.0",
+            "instruction": seen.instruction,
+            "instructions": [seen.instruction],
+            "env_idx": 0,
+            "vision": vision,
+            "state": state,
+            "additional_info": {"frequency": fps},
+        }
+
+    def chunk(self, answer: Any, measured: Floats, command: Floats) -> Floats:
+        """Joint targets (H,A) of what a model answered. Raises ActionError."""
+        steps: Any = [answer] if isinstance(answer, Mapping) else answer
+        if not isinstance(steps, list | tuple) or not steps or not isinstance(steps[0], Mapping):
+            return chunk_of(steps, len(command))
+        rows = []
+        for step in steps:
+            kind = "qpos" if any(name.endswith("_arm_joint_state") for name in step) else "ee"
+            keys = ("arm_joint_state" if kind == "qpos" else "ee_pose", "ee_joint_state")
+            try:
+                parts = [
+                    np.asarray(step[f"{side}_{key}"], float).ravel() for side in self._planner.embodiment.sides for key in keys
+                ]
+            except (KeyError, TypeError, ValueError) as error:
+                raise ActionError(f"a step of the answer has no numbers {error}") from error
+            command = self._robotwin.joints(np.concatenate(parts), kind, measured, command)
+            rows.append(command)
+        return np.stack(rows)
+
+
+class XPolicyLabPolicy:
+    """A policy from a Model."""
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+        self._robot: tuple[Start, XPolicyLabRobot] | None = None
+        self._command: Floats | None = None
+
+    def reset(self, start: Start) -> None:
+        """Reset the model."""
+        same = self._robot is not None and self._robot[0].embodiment == start.embodiment
+        self._robot = (start, self._robot[1] if self._robot and same else XPolicyLabRobot(start.embodiment))
+        self._command = None
+        self._model.reset()
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """Show the model an observation and take its action or chunk."""
+        if self._robot is None:
+            raise PolicyError("asked before reset")
+        start, robot = self._robot
+        measured = np.asarray(observation.joints, float)
+        # a chunk is executed whole: its last row is in force when the next observation is made
+        command = measured if self._command is None else self._command
+        self._model.update_obs(robot.observation(observation, command, start.fps))
+        chunk = robot.chunk(self._model.get_action(), measured, command)
+        self._command = chunk[-1]
+        return chunk
+
+
+class XPolicyLabForm:
+    """The form xpolicylab:FILE.py?key=value of a policy's name."""
+
+    def name(self, text: str) -> PolicyName:
+        """Check that the file is there. Raises PolicyError."""
+        settings = parse_settings(text)
+        path = Path(settings.path).resolve()
+        return PolicyName(text.replace(settings.path, str(path), 1), f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}")
+
+    def make(self, text: str) -> Policy:
+        """The policy. Raises PolicyError."""
+        settings = parse_settings(text)
+        kind = getattr(module_of(Path(settings.path)), "Model", None)
+        if not isinstance(kind, type):
+            raise PolicyError(f"{settings.path}: has no class Model")
+        if missing := [name for name in METHODS if not callable(getattr(kind, name, None))]:
+            raise PolicyError(f"{settings.path}: Model has no method {missing[0]}")
+        return XPolicyLabPolicy(kind(settings.options))

@@ -1,0 +1,1 @@
+"""The scenes of an evaluation and the episodes that run in them."""

@@ -1,0 +1,183 @@
+"""Which scenes are evaluated: the first seeds from 100000 * (1 + s) that the expert solves, kept in a manifest that all share.
+
+A manifest is one JSON file a cell. Seeds are tried in order and in batches whose size does not depend on the workers, so the
+admitted seeds do not either. Scenes of one seed are the same at every level, alpha and domain: cells are paired by seed.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.atomic import write_atomic
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import parse_json
+from pipeline.data.reading import read_regular
+from pipeline.data.recipe.model import Cell
+from pipeline.data.setup import DEFAULT, Setup
+from pipeline.data.spec import EpisodeSpec
+from pipeline.evaluate.lines import line_of, line_of_text
+from pipeline.evaluate.scenes.case import Case, admit
+from pipeline.stages.failure import Failure
+
+SCHEMA = 3
+MOST_SEEDS = 10_000_000
+"""Seeds that a manifest may have tried."""
+
+Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any]]]
+"""Does the work of jobs here or on workers and yields (job, result) in any order. Workers import the work by its name."""
+
+
+class ProtocolError(DominoError):
+    """A manifest that cannot be used, or a cell that the expert does not solve often enough."""
+
+
+def first_seed(s: int) -> int:
+    """The seed from which scenes are drawn for the seed `s` of an evaluation (as in the original)."""
+    return 100_000 * (1 + s)
+
+
+def most_tries(episodes: int) -> int:
+    """Seeds tried at most for this many admitted ones."""
+    return 3 * episodes + 20
+
+
+@dataclass
+class Manifest:
+    """The seeds of one cell: `cases` admitted, `refused` seeds with the reason, both in order; `tried` seeds from `first`."""
+
+    cell: Cell
+    first: int
+    setup: Setup = DEFAULT
+    tried: int = 0
+    cases: list[Case] = field(default_factory=list)
+    refused: dict[int, str] = field(default_factory=dict)
+
+    def to_json(self) -> bytes:
+        """JSON, one case a line."""
+        head = {"schema": SCHEMA, "cell": asdict(self.cell), "first": self.first, "setup": self.setup.given(), "tried": self.tried}
+        head["refused"] = {str(seed): reason for seed, reason in self.refused.items()}
+        cases = ",\n".join(json.dumps(case.to_dict()) for case in self.cases)
+        return f'{json.dumps(head)[:-1]}, "cases": [\n{cases}\n]}}\n'.encode()
+
+    def next_batch(self, episodes: int) -> range:
+        """The seeds to try next. Raises ProtocolError if as many have been tried as may be."""
+        count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
+        if count <= 0:
+            raise ProtocolError(
+                f"{self.cell.path}: the expert solves {len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted: "
+                f"ask for fewer --episodes"
+            )
+        return range(self.first + self.tried, self.first + self.tried + count)
+
+    def extend(self, found: dict[int, Case | str]) -> None:
+        """Add what came of the next seeds."""
+        for seed in sorted(found):
+            result = found[seed]
+            if isinstance(result, Case):
+                self.cases.append(result)
+            else:
+                self.refused[seed] = result
+        self.tried += len(found)
+
+    @classmethod
+    def from_json(cls, text: bytes) -> "Manifest":
+        """Inverse of `to_json`. Raises ValueError for something else."""
+        values = parse_json(text)
+        if not isinstance(values, dict) or values.pop("schema", None) != SCHEMA:
+            raise ValueError(f"its schema is not {SCHEMA}")
+        try:
+            cases = [Case.from_dict(case) for case in values.pop("cases")]
+            refused = {int(seed): str(reason) for seed, reason in values.pop("refused").items()}
+            setup = Setup.model_validate(values.pop("setup"))
+            found = cls(Cell(**values.pop("cell")), setup=setup, cases=cases, refused=refused, **values)
+        except (TypeError, KeyError, AttributeError, OverflowError) as error:
+            raise ValueError(line_of(error)) from error
+        found.check()
+        return found
+
+    def check(self) -> None:
+        """Raise ValueError for cases that are not those of the cell's seeds, each seed tried once and in order."""
+        whole = all(type(n) is int and n >= 0 for n in (self.first, self.tried))
+        seeds = [case.spec.seed for case in self.cases]
+        if not whole or sorted([*seeds, *self.refused]) != list(range(self.first, self.first + min(self.tried, MOST_SEEDS))):
+            raise ValueError("the seeds are not those that were tried")
+        wanted = [SeedJob(self.cell, seed, self.setup).spec for seed in seeds]
+        if seeds != sorted(seeds) or [(case.spec, case.setup) for case in self.cases] != [(spec, self.setup) for spec in wanted]:
+            raise ValueError("a case is not of this cell")
+
+
+@dataclass(frozen=True)
+class Manifests:
+    """A directory of manifests, one a cell, in one directory for each physics of a setup."""
+
+    root: Path
+    seed: int = 0
+    setup: Setup = DEFAULT
+
+    def path(self, cell: Cell) -> Path:
+        """Where the manifest of a cell is."""
+        return self.root / f"seed{self.seed}" / self.setup.label / f"{cell.path}.json"
+
+    def read(self, cell: Cell) -> Manifest:
+        """The manifest of a cell, an empty one where there is none yet. Raises ProtocolError for a file that is none of it."""
+        path = self.path(cell)
+        if not path.exists():
+            return Manifest(cell, first_seed(self.seed), self.setup.physics)
+        try:
+            found = Manifest.from_json(read_regular(path))
+        except ValueError as error:
+            raise ProtocolError(f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them again") from error
+        if (found.cell, found.first, found.setup) != (cell, first_seed(self.seed), self.setup.physics):
+            raise ProtocolError(f"{path}: is the manifest of another cell, seed or setup: delete it to draw them again")
+        return found
+
+    def short(self, cells: Sequence[Cell], episodes: int) -> bool:
+        """Whether any cell has fewer than `episodes` admitted seeds yet. Raises ProtocolError as `read`."""
+        return any(len(self.read(cell).cases) < episodes for cell in cells)
+
+    def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
+        """The first `episodes` cases of every cell; what manifests lack is found by running the expert and kept in them.
+
+        Raises ProtocolError if the expert solves too few of the seeds of a cell that may be tried.
+        """
+        manifests = {cell: self.read(cell) for cell in cells}
+        while short := [m for m in manifests.values() if len(m.cases) < episodes]:
+            batches = {m.cell: m.next_batch(episodes) for m in short}
+            jobs = [SeedJob(cell, seed, self.setup.physics) for cell, batch in batches.items() for seed in batch]
+            found: dict[Cell, dict[int, Case | str]] = {cell: {} for cell in batches}
+            for job, result in run(try_seed, jobs):
+                found[job.cell][job.seed] = result
+                if len(found[job.cell]) == len(batches[job.cell]):
+                    manifests[job.cell].extend(found[job.cell])
+                    write_atomic(self.path(job.cell), manifests[job.cell].to_json())
+        return {cell: manifest.cases[:episodes] for cell, manifest in manifests.items()}
+
+
+@dataclass(frozen=True)
+class SeedJob:
+    """One seed of a cell to be tried by the expert."""
+
+    cell: Cell
+    seed: int
+    setup: Setup = DEFAULT
+
+    @property
+    def spec(self) -> EpisodeSpec:
+        """The episode to be solved."""
+        c = self.cell
+        return EpisodeSpec(c.task, c.embodiment, c.level, c.alpha, c.domain, 0, self.seed)
+
+
+def try_seed(job: SeedJob) -> Case | str:
+    """The case of a seed, or why the expert does not solve it."""
+    try:
+        return admit(job.spec, job.setup)
+    except Failure as failure:
+        return f"{failure.stage}: {failure.reason}"
+
+
+def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """The runner of one process."""
+    return ((job, work(job)) for job in jobs)

@@ -1,0 +1,165 @@
+"""The world's time during the inference of a policy: clock modes, and target motions on another clock.
+
+- `sim` (default): one action is one control period; inference takes no time.
+- `latency:...`: the world advances during inference; the robot holds its last command for that long before each answer is
+  executed. A fixed time, a distribution, a trace, or the measured wall time of the policy.
+- `async:...`: as `latency`, but the robot executes its chunk while the next one is computed; `:blend` or `:rtc` at the end
+  selects how the chunks are joined (pace.py).
+- `step-locked`: the original protocol, in which the target moves by a fixed time a policy step, 1.67 times what a step takes in
+  the data (0.1 s a step of 0.06 s).
+- `late:MS`: as `sim`, but the target begins its motion MS milliseconds after the robot. With the policy `replay` it measures how
+  exact the timing of a task must be.
+
+All but `latency:measured` and `async:measured` give the same numbers every time.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.errors import DominoError
+from pipeline.data.keys import digest
+from pipeline.data.parsing import ParseError, read_json, real
+from pipeline.evaluate.scoring.pace import Join
+from pipeline.motion.company import others_of
+from pipeline.motion.scenery import Prop
+from pipeline.world.simulation import Motion
+
+STEP_LOCKED_RATE = 0.1 / 0.06
+"""Seconds of target motion a second of robot motion in the original's evaluation."""
+
+HELP = (
+    "sim, step-locked, late:MS, latency:MS, latency:normal:MEAN:SD, latency:uniform:LOW:HIGH, latency:trace:FILE, "
+    "latency:measured, or async: in place of latency:, also with :blend or :rtc at the end"
+)
+
+
+class ClockError(DominoError):
+    """A clock that cannot be used."""
+
+
+@dataclass(frozen=True)
+class Retimed:
+    """A target motion that runs `rate` times as fast and `late` seconds later than `motion`."""
+
+    motion: Motion
+    rate: float = 1.0
+    late: float = 0.0
+
+    def pose(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Poses (..., 7) at times t (...) in s."""
+        return self.motion.pose(self.rate * (np.asarray(t, float) - self.late))
+
+    def twist(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Linear (m/s) and angular (rad/s) velocities (..., 6) at times t (...)."""
+        return self.rate * self.motion.twist(self.rate * (np.asarray(t, float) - self.late))
+
+    def scenery(self) -> tuple[Prop, ...]:
+        """What belongs to the motion, on the same clock."""
+        return tuple(replace(prop, pose=partial(self._later, prop)) for prop in self.motion.scenery())
+
+    @property
+    def others(self) -> Mapping[str, Motion]:
+        """What moves beside the target, on the same clock."""
+        return {name: replace(self, motion=motion) for name, motion in others_of(self.motion).items()}
+
+    def _later(self, prop: Prop, t: ArrayLike) -> NDArray[np.float64]:
+        return prop.pose(self.rate * (np.asarray(t, float) - self.late))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """`kind` is sim, step-locked, late, fixed, normal, uniform, trace or measured; `values` are its numbers, in milliseconds.
+
+    `join` says how chunks follow each other where inference and motion overlap, None if they do not."""
+
+    name: str
+    kind: str
+    values: tuple[float, ...] = ()
+    join: Join | None = None
+
+    def motion(self, motion: Motion) -> Motion:
+        """The target's motion on this clock."""
+        match self.kind:
+            case "step-locked":
+                return Retimed(motion, STEP_LOCKED_RATE)
+            case "late":
+                return Retimed(motion, late=self.values[0] / 1000)
+            case _:
+                return motion
+
+    def delay(self, asked: int, measured: float, rng: np.random.Generator) -> float:
+        """Seconds by which the world advances during inference number `asked` (from 0) of the policy.
+
+        `measured` is the wall time (s) that the answer took.
+        """
+        v = self.values
+        match self.kind:
+            case "fixed":
+                return v[0] / 1000
+            case "normal":
+                return max(0.0, float(rng.normal(v[0], v[1]))) / 1000
+            case "uniform":
+                return float(rng.uniform(v[0], v[1])) / 1000
+            case "trace":
+                return v[asked % len(v)] / 1000
+            case "measured":
+                return measured
+            case _:
+                return 0.0
+
+
+def parse_clock(text: str) -> Clock:
+    """A clock from its name. Raises ClockError, with the names there are."""
+    kind, *rest = text.split(":")
+    if kind in ("sim", "sim-clock") and not rest:
+        return Clock("sim", "sim")
+    if text == "step-locked":
+        return Clock(text, text)
+    if kind == "late" and len(numbers := _milliseconds(rest)) == 1:
+        return Clock(text, "late", numbers)
+    if kind in ("latency", "async") and rest and (found := _parse_delay(kind, rest)):
+        return found
+    raise ClockError(f"--clock {text!r} is unknown: give {HELP} (times in ms)")
+
+
+def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
+    """The clock "latency:..." or "async:..." of the words after the first colon, None if they describe none."""
+    join: Join | None = None
+    if kind == "async":
+        join = cast(Join, rest.pop()) if rest[-1] in ("blend", "rtc") else "switch"
+    suffix = f":{join}" if join in ("blend", "rtc") else ""
+    name = f"{':'.join([kind, *rest])}{suffix}"
+    if rest == ["measured"]:
+        return Clock(name, "measured", (), join)
+    if len(rest) == 2 and rest[0] == "trace":
+        values = _trace(Path(rest[1]))
+        # the same name with other times is another clock
+        return Clock(f"{kind}:trace:{Path(rest[1]).name}@{digest([values])[:8]}{suffix}", "trace", values, join)
+    counts = {"normal": 2, "uniform": 2}
+    drawn = rest.pop(0) if rest and rest[0] in counts else "fixed"
+    numbers = _milliseconds(rest)
+    ordered = drawn != "uniform" or numbers == tuple(sorted(numbers))
+    return Clock(name, drawn, numbers, join) if len(numbers) == counts.get(drawn, 1) and ordered else None
+
+
+def _milliseconds(words: list[str]) -> tuple[float, ...]:
+    try:
+        return tuple(real(word, 0, 60_000) for word in words)
+    except ParseError:
+        return ()
+
+
+def _trace(path: Path) -> tuple[float, ...]:
+    try:
+        values = read_json(path)
+    except ParseError as error:
+        raise ClockError(f"{error}: a latency trace is a JSON list of milliseconds") from error
+    if not isinstance(values, list) or not values or not all(type(v) in (int, float) and 0 <= v <= 60_000 for v in values):
+        raise ClockError(f"{path}: a latency trace is a JSON list of milliseconds, at least one, none above 60000")
+    return tuple(float(v) for v in values)

@@ -1,0 +1,147 @@
+"""Evaluations against each other: policies that tried the same scenes are compared scene by scene (difference.py)."""
+
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.data.errors import DominoError
+from pipeline.evaluate.scoring.difference import Scene, by_task, paired_numbers, unpaired_numbers
+from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
+from pipeline.evaluate.scoring.summary import Row, scene_of
+
+
+class CompareError(DominoError):
+    """Runs that cannot be compared."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What is compared: the episodes of one policy, or of several networks of a kind (`networks`)."""
+
+    name: str
+    rows: tuple[Row, ...]
+    networks: int = 1
+
+    def by_episode(self) -> dict[str, list[Row]]:
+        """Rows by what pairs them: the spec, a hash of motion and first state, clock and rules."""
+        return _group(self.rows, lambda row: json.dumps([*json.loads(row["key"])[2:5], row["rules"]]))
+
+
+def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
+    out = defaultdict[Any, list[Row]](list)
+    for row in rows:
+        out[key(row)].append(row)
+    return out
+
+
+def read_arms(runs: Sequence[str]) -> list[Arm]:
+    """One arm a policy of each run, a directory of an evaluation; directories joined by commas hold the networks of one arm.
+
+    Of rows of several versions of this program in a run, those of the version that wrote last count. Raises CompareError.
+    """
+    out = list[Arm]()
+    for run in runs:
+        policies = _group([row for part in run.split(",") for row in _newest(Path(part))], lambda row: row["policy"])
+        if "," in run:
+            out.append(Arm(run, tuple(row for group in policies.values() for row in group), len(policies)))
+        else:
+            out += [Arm(policy, tuple(rows)) for policy, rows in policies.items()]
+    if len(out) < 2:
+        raise CompareError(f"{', '.join(runs)}: holds episodes of one policy: name a second run")
+    named = len({arm.name for arm in out}) == len(out)
+    return out if named else [Arm(f"{arm.name} #{n}", arm.rows, arm.networks) for n, arm in enumerate(out, 1)]
+
+
+def _newest(run: Path) -> list[Row]:
+    path = run / EPISODES
+    if not path.is_file():
+        raise CompareError(f"{run}: has no {EPISODES}: name the --out of a domino-data evaluate")
+    rows = Results(path, check_episode).rows()
+    if not rows:
+        raise CompareError(f"{path}: holds no episode yet")
+    version = json.loads(rows[-1]["key"])[0]
+    return [row for row in rows if json.loads(row["key"])[0] == version]
+
+
+def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
+    """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and task. `wanted` is the effect
+    (points) for which the number of scenes is reckoned. Raises CompareError if scenes, rules or clocks differ."""
+    pairs = _pair(a, b)
+    return [
+        {"what": what, "first": a.name, "second": b.name, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
+        for what, group in _groups([row for row, _ in pairs])
+        for scenes in [_scenes([pair for pair, inside in zip(pairs, group, strict=True) if inside])]
+    ]
+
+
+def compare_unpaired(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
+    """`b` against `a` over all that each tried, on the same scenes or not. Raises CompareError if their tasks differ."""
+    first, second = (by_task([(group[0]["task"], _rate(group)) for group in _group(arm.rows, scene_of).values()]) for arm in (a, b))
+    if other := sorted(first.keys() ^ second.keys()):
+        raise CompareError(f"{other[0]}: only one of {a.name} and {b.name} tried this task: evaluate both on the same tasks")
+    scenes = min(sum(map(len, tasks.values())) for tasks in (first, second))
+    return [{"what": "all", "first": a.name, "second": b.name, "scenes": scenes} | unpaired_numbers(first, second, wanted)]
+
+
+def _rate(rows: Sequence[Row]) -> float:
+    return float(np.mean([row["success"] for row in rows]))
+
+
+def _pair(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
+    """A row and the outcome of every episode that both arms tried. Won and lost count pairs of networks."""
+    first, second = a.by_episode(), b.by_episode()
+    if first.keys() != second.keys():
+        raise CompareError(_why_other(a, b, len(first.keys() & second.keys())))
+    out = list[tuple[Row, Scene]]()
+    for key, rows in first.items():
+        others = second[key]
+        if len(rows) != a.networks or len(others) != b.networks:
+            raise CompareError(
+                f"{rows[0]['task']}, seed {rows[0]['seed']}: not every network of {a.name} and {b.name} tried it once"
+            )
+        ends = [(row["success"], other["success"]) for row in rows for other in others]
+        won, lost = sum(y and not x for x, y in ends), sum(x and not y for x, y in ends)
+        out.append((rows[0], Scene(rows[0]["task"], _rate(rows), _rate(others), won, lost)))
+    return out
+
+
+def _why_other(a: Arm, b: Arm, shared: int) -> str:
+    for name in ("clock", "rules"):
+        one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
+        if one != two:
+            return f"{a.name} and {b.name} differ in {name}: {one} and {two}; add --unpaired to compare them all the same"
+    return (
+        f"{a.name} and {b.name} share {shared} scenes of {len(a.by_episode())} and {len(b.by_episode())}: evaluate both with the "
+        f"same cells, --episodes and --seed, or add --unpaired"
+    )
+
+
+def _scenes(pairs: Sequence[tuple[Row, Scene]]) -> list[Scene]:
+    """The outcomes of all episodes of a scene as one."""
+    clusters = defaultdict[Any, list[Scene]](list)
+    for row, scene in pairs:
+        clusters[scene_of(row)].append(scene)
+    return [
+        Scene(
+            group[0].task,
+            float(np.mean([s.first for s in group])),
+            float(np.mean([s.second for s in group])),
+            sum(s.won for s in group),
+            sum(s.lost for s in group),
+        )
+        for group in clusters.values()
+    ]
+
+
+def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
+    """Names of groups of rows, and which rows are in each: all of them, and the parts that are not all."""
+    yield "all", [True] * len(rows)
+    for key in ("level", "alpha", "domain", "category", "task"):
+        values = sorted({row[key] for row in rows})
+        for value in values if len(values) > 1 else ():
+            yield (f"{key} {value:g}" if key in ("level", "alpha") else value), [row[key] == value for row in rows]

@@ -1,0 +1,172 @@
+"""What an episode is worth: success, route completion, manipulation score (paper, section 3.2), and why it failed.
+
+Success is one of three endings of a trial; the other numbers are functions of its state log. Distances are between the tool point
+(`tcp`, between the finger pads; the original measures 12 cm behind it) and the origin of the target.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.episode.state_log import StateLog
+from pipeline.evaluate.scenes.trial import FAULTS, OUT_OF_VIEW, SUCCESS, Trial
+from pipeline.stages.holding import held_by
+from pipeline.tasks.outcome import failed
+from pipeline.world.drive import Hold
+
+OUT_OF_BOUNDS, CLUTTER = 0.5, 0.8
+"""Factors of the manipulation score: the target left its workspace or the view; something touched a distractor."""
+
+NEAR_START, NEAR_END = 0.01, 0.05
+"""m; where an arm began within NEAR_START of the target, progress is 1 if it ended within NEAR_END and 0.5 if not (original)."""
+
+LIFTED = 0.02
+"""m; a body that rose by this much and came down as far again without success was dropped."""
+
+REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED = "reactive_lag", "missed", "dropped", "bimanual", "unfinished"
+FAILURES = (OUT_OF_VIEW, REACTIVE_LAG, MISSED, DROPPED, BIMANUAL, UNFINISHED, *FAULTS)
+"""Classes of failures. The policy gave no valid answer: invalid_action, no_answer.
+
+Nothing touched the target: out_of_view, reactive_lag where the nearest tool was behind the moving target,
+else missed. It was touched: bimanual where one of two acting arms never touched what is handled, dropped, else unfinished."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """The numbers of one episode.
+
+    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions that do not hold at the end,
+    `failure` is one of FAILURES ("" for a success), `penalties` those of out_of_bounds and clutter that apply, `meeting` the time
+    (s) of the first touch, `hold` how much later (s) something first held the target for two frames in a row
+    (stages/holding.py), `nearest` the smallest distance (m) of a tool from the target up to then, `jerk` the root mean square
+    of the third derivative of the tool positions (m/s3), `seconds` the simulated time.
+    """
+
+    success: bool
+    route_completion: float
+    manipulation_score: float
+    penalties: tuple[str, ...]
+    failed: tuple[str, ...]
+    failure: str
+    meeting: float | None
+    hold: float | None
+    nearest: float
+    jerk: float
+    seconds: float
+
+
+def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
+    """1 - d_T / d_0 in [0, 1]: d_0 and d_T are the distances of the tool's first and last position (3,) from `goal` (3,)."""
+    d0, dt = (float(np.linalg.norm(np.asarray(p, float) - np.asarray(goal, float))) for p in (start, end))
+    if d0 < NEAR_START:
+        return 1.0 if dt < NEAR_END else 0.5
+    return float(np.clip(1.0 - dt / d0, 0.0, 1.0))
+
+
+def route_completion(tools: NDArray[np.float64], goal: ArrayLike, success: bool) -> float:
+    """RC in [0, 100] from tool positions (T,arms,3) and the target's final position (3,); a success is 100."""
+    return 100.0 if success else 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
+
+
+def manipulation_score(rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False) -> float:
+    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were touched.
+
+    The paper's 0.8 counts once; with `compounding` it counts for every distractor, as in the original code.
+    """
+    times = distractors if compounding else min(distractors, 1)
+    return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
+
+
+def touched_distractors(log: StateLog) -> tuple[str, ...]:
+    """The distractors that anything but the table and other distractors touched, at any physics step."""
+    return tuple(event.by for event in log.events if event.name == "clutter_touched")
+
+
+def jerk(positions: NDArray[np.float64], fps: float) -> float:
+    """Root mean square size (m/s3) of the third difference of positions (T,...,3) at `fps`; 0 for fewer than four frames."""
+    if len(positions) < 4:
+        return 0.0
+    third = np.diff(positions, 3, axis=0) * fps**3
+    return float(np.sqrt((third**2).sum(-1).mean()))
+
+
+def score(trial: Trial, compounding: bool = False) -> Score:
+    """The score of a trial as it stands. After a fault of the policy both scores are 0: no policy gains by ending its episode."""
+    log, scene = trial.log(), trial.scene
+    success = trial.ending == SUCCESS
+    tools = log.tcp[:, :, :3]
+    rc = 0.0 if trial.ending in FAULTS else route_completion(tools, log.pose(scene.task.target)[-1, :3], success)
+    away = trial.ending == OUT_OF_VIEW or trial.left_workspace
+    distractors = touched_distractors(log)
+    missing = () if success else failed(trial.conditions())
+    return Score(
+        success=success,
+        route_completion=rc,
+        manipulation_score=manipulation_score(rc, out_of_bounds=away, distractors=len(distractors), compounding=compounding),
+        penalties=(*(("out_of_bounds",) if away else ()), *(("clutter",) if distractors else ())),
+        failed=missing,
+        failure="" if success else failure_class(trial, log),
+        meeting=log.time_of("meeting"),
+        hold=time_to_hold(log, held_by(scene.task, scene.embodiment), scene.task.target),
+        nearest=float(_distances(log, scene.task.target).min()),
+        jerk=jerk(tools, trial.fps),
+        seconds=float(log.times[-1]),
+    )
+
+
+def failure_class(trial: Trial, log: StateLog) -> str:
+    """Why a trial that is no success failed: one of FAILURES."""
+    scene = trial.scene
+    if trial.ending in (OUT_OF_VIEW, *FAULTS):
+        return trial.ending
+    if log.time_of("meeting") is None:
+        return REACTIVE_LAG if _behind(log, scene.task.target) else MISSED
+    acting = set(scene.arms.values())
+    touched = {side for side in acting if _handled(log, side, {scene.task.manipulated, scene.task.target})}
+    if len(acting) > 1 and touched != acting:
+        return BIMANUAL
+    height = log.pose(scene.task.manipulated)[:, 2]
+    rose, fell = height.max() - height[0] > LIFTED, height.max() - height[-1] > LIFTED
+    return DROPPED if rose and fell else UNFINISHED
+
+
+def time_to_hold(log: StateLog, hold: Hold, target: str) -> float | None:
+    """Seconds from the first touch of the target to the first of two frames in a row at which it is held, None without them."""
+    met, at = log.time_of("meeting"), log.bodies.index(target)
+    pairs = [(int(row["frame"]), int(row["a"]), int(row["b"])) for row in log.contacts]
+    touching: dict[int, set[str]] = {}
+    for frame, a, b in pairs:
+        if at in (a, b):
+            touching.setdefault(frame, set()).add(log.bodies[a + b - at])
+    held = [frame for frame, names in sorted(touching.items()) if hold.holds(names)]
+    first = next((one for one, two in pairwise(held) if two == one + 1), None)
+    return None if met is None or first is None else max(0.0, float(log.times[first]) - met)
+
+
+def _distances(log: StateLog, target: str) -> NDArray[np.float64]:
+    """Distances (F,S) of the tools from the target, up to the first touch."""
+    met = log.time_of("meeting")
+    frames = len(log) if met is None else int(np.searchsorted(log.times, met)) + 1
+    return np.linalg.norm(log.tcp[:frames, :, :3] - log.pose(target)[:frames, None, :3], axis=-1)
+
+
+def _behind(log: StateLog, target: str, slow: float = 0.005) -> bool:
+    """Whether the nearest tool at its nearest was behind the moving target, in the plane, by more than it was beside it."""
+    frame, side = np.unravel_index(int(_distances(log, target).argmin()), (len(log), len(log.sides)))
+    velocity = log.target_velocity[frame, :2]
+    speed = float(np.linalg.norm(velocity))
+    if speed < slow:
+        return False
+    ahead = log.pose(target)[frame, :2] - log.tcp[frame, side, :2]
+    along = float(ahead @ velocity) / speed
+    return along > 0 and along**2 > 0.5 * float(ahead @ ahead)
+
+
+def _handled(log: StateLog, side: str, names: Collection[str]) -> bool:
+    links = {i for i, name in enumerate(log.bodies) if name.startswith(f"{side}_")}
+    bodies = {log.bodies.index(name) for name in names}
+    pairs = {(int(row["a"]), int(row["b"])) for row in log.contacts}
+    return any((a in links and b in bodies) or (b in links and a in bodies) for a, b in pairs)

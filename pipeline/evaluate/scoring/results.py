@@ -1,0 +1,94 @@
+"""Results on disk: one JSON line an episode, appended as it ends, so that a killed evaluation can resume."""
+
+import json
+import os
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import parse_json
+from pipeline.data.reading import read_regular
+from pipeline.evaluate.lines import line_of_text
+
+EPISODES = "episodes.jsonl"
+"""Name of the file of an evaluation's rows."""
+
+FIELDS: dict[Any, tuple[str, ...]] = {
+    str: ("key", "policy", "probe", "clock", "rules", "task", "embodiment", "domain", "category", "failure"),
+    bool: ("success", "same_start", "sees_truth"),
+    int | float: ("level", "alpha", "seed", "route_completion", "manipulation_score"),
+    list: ("failed", "penalties"),
+}
+"""What tables and pages read from a row, by type."""
+
+
+class ResultsError(DominoError):
+    """A file of results that cannot be used."""
+
+
+class Results:
+    """An append-only file of rows; every row carries the key of its episode under "key".
+
+    `check` raises ValueError for a row that its reader cannot use. A last line that was cut off when its writer was killed is
+    dropped. Raises ResultsError for a damaged line elsewhere.
+    """
+
+    def __init__(self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None) -> None:
+        self.path = path
+        self._rows: dict[str, dict[str, Any]] = {}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = read_regular(path) if path.exists() else b""
+        whole = text[: text.rfind(b"\n") + 1]
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                row = parse_json(line)
+                if not isinstance(row, dict) or not isinstance(row.get("key"), str):
+                    raise ValueError("it has no key")
+                check(row)
+            except ValueError as error:
+                raise ResultsError(f"{path}: line {number} is no result ({line_of_text(error)}): repair or delete it") from error
+            self._rows[row["key"]] = row
+        if len(whole) < len(text):
+            os.truncate(path, len(whole))
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._rows
+
+    def append(self, key: str, row: Mapping[str, Any]) -> None:
+        """Add the row of an episode; it is on disk when this returns. Raises OSError if the disk refuses."""
+        stored = {"key": key, **row}
+        with open(self.path, "ab") as file:
+            file.write(json.dumps(stored, separators=(",", ":")).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+        self._rows[key] = stored
+
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows in the order in which they were first added."""
+        return list(self._rows.values())
+
+    def of(self, keys: Iterable[str]) -> list[dict[str, Any]]:
+        """The rows of these keys that are there, in this order."""
+        return [self._rows[key] for key in keys if key in self._rows]
+
+
+def check_episode(row: dict[str, Any]) -> None:
+    """Raise ValueError, naming the field, for what is no row of an episode. Rows of other versions of this program are."""
+    row.setdefault("probe", "")
+    for kind, names in FIELDS.items():
+        if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):
+            raise ValueError(f"{wrong} is missing or of another type")
+    numbers = [row[name] for name in FIELDS[int | float]]
+    if any(isinstance(n, bool) or not 0 <= n < 1e12 for n in numbers):
+        raise ValueError("a number is out of range")
+    if not all(isinstance(name, str) for names in FIELDS[list] for name in row[names]):
+        raise ValueError("a name is no text")
+    key = parse_json(row["key"])
+    if not isinstance(key, list) or len(key) != 6 or not all(isinstance(part, str) for part in key[:5]):
+        raise ValueError("key is no key of an episode")
+
+
+def text_key(key: Hashable) -> str:
+    """A key as one line of text."""
+    return json.dumps(key, separators=(",", ":"))

@@ -1,0 +1,1 @@
+"""Servers of other projects, and the harness of one."""

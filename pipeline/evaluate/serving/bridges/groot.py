@@ -1,0 +1,159 @@
+"""A policy on a GR00T server: ZeroMQ requests of msgpack maps, an array as the map {"__ndarray_class__": true, "as_npy": NPY file}.
+
+    client    {"endpoint": "ping"}, {"endpoint": "reset", "data": {"options": null}}
+    client    {"endpoint": "get_action", "data": {"observation": OBSERVATION, "options": null}}
+    server    [ACTION, information], or {"error": text}
+
+OBSERVATION has "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) float32} and "language" {key: [[text]]}; ACTION has
+(1,T,D) by part. Parts and keys are those of meta/modality.json in our LeRobot exports (left_joints, left_gripper, ...).
+"""
+
+import io
+from typing import Any
+
+import msgpack
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.policies.fit import first_rows
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
+from pipeline.evaluate.serving.address import Address, token
+from pipeline.evaluate.serving.wire import LARGEST, WireError, array_of, unpack
+
+PORT = 5555
+LANGUAGE = "annotation.human.action.task_description"
+ANSWER_MS, PING_MS = 300_000, 10_000
+
+
+class GrootClient:
+    """A policy on a GR00T server; `execute` rows of every chunk are executed, all by default."""
+
+    def __init__(self, address: Address) -> None:
+        self._text, self._url, self._execute = address.text, address.url("tcp"), address.number("execute")
+        self._socket: Any = None
+        self._parts: dict[str, slice] = {}
+
+    def reset(self, start: Start) -> None:
+        """Begin an episode. Raises PolicyError."""
+        self._parts = parts_of(start.action_names)
+        self.ask("reset", {"options": None}, PING_MS)
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """A chunk (T,A). Raises PolicyError."""
+        joints = np.asarray(observation.joints, np.float32)
+        seen = {
+            "video": {EXPORTED_CAMERAS[name]: image[None, None] for name, image in observation.images.items()},
+            "state": {part: joints[None, None, at] for part, at in self._parts.items()},
+            "language": {LANGUAGE: [[observation.instruction]]},
+        }
+        answer = self.ask("get_action", {"observation": seen, "options": None}, ANSWER_MS)
+        action = answer[0] if isinstance(answer, list) and answer else answer
+        if not isinstance(action, dict):
+            raise ActionError(f"{self._url}: the answer is a {type(action).__name__}, not a map of actions")
+        rows: list[NDArray[Any]] = []
+        for part in self._parts:
+            row = action.get(part, action.get(f"action.{part}"))
+            if not isinstance(row, np.ndarray):
+                raise ActionError(f"{self._url}: the answer has no {part}, but {', '.join(map(str, action))[:200] or 'nothing'}")
+            rows.append(row)
+        wanted = [(1, rows[0].shape[1] if rows[0].ndim == 3 else 0, at.stop - at.start) for at in self._parts.values()]
+        if [row.shape for row in rows] != wanted:
+            raise ActionError(f"{self._url}: actions have the shapes {', '.join(str(row.shape) for row in rows)}, not (1,T,D)")
+        return first_rows(np.concatenate([row[0] for row in rows], axis=1), self._execute)
+
+    def ask(self, endpoint: str, data: dict[str, Any] | None = None, milliseconds: int = PING_MS) -> Any:
+        """The answer of an endpoint. Raises PolicyError if there is none in time, or if it is an error."""
+        import zmq
+
+        socket = self._open()
+        request: dict[str, Any] = {"endpoint": endpoint, **({"data": data} if data is not None else {})}
+        if secret := token():
+            request["api_token"] = secret
+        socket.setsockopt(zmq.RCVTIMEO, milliseconds)
+        try:
+            socket.send(msgpack.packb(request, default=_encode))
+            # an answer may be a list, a message of ours is a map: it becomes one
+            found = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
+        except zmq.Again as error:
+            self.close()
+            raise NoAnswer(f"{self._url}: no answer to {endpoint} in {milliseconds / 1000:g} s") from error
+        except zmq.ZMQError as error:
+            self.close()
+            raise NoAnswer(f"{self._url}: {error}") from error
+        except WireError as error:
+            self.close()
+            raise ActionError(f"{self._url}: {error}") from error
+        if isinstance(found, dict) and "error" in found:
+            raise NoAnswer(f"{self._url}: the server failed: {line_of_text(found['error'])}")
+        return found
+
+    def greet(self) -> None:
+        """Ping the server. Raises PolicyError."""
+        try:
+            self.ask("ping")
+        except ModuleNotFoundError as error:
+            raise PolicyError(f"--policy {self._text} needs pyzmq: install domino-data[gr00t]") from error
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def _open(self) -> Any:
+        import zmq
+
+        if self._socket is None:
+            self._socket = zmq.Context.instance().socket(zmq.REQ)
+            for option, value in ((zmq.LINGER, 0), (zmq.SNDTIMEO, PING_MS), (zmq.MAXMSGSIZE, LARGEST)):
+                self._socket.setsockopt(option, value)
+            try:
+                self._socket.connect(self._url)
+            except zmq.ZMQError as error:
+                self.close()
+                raise PolicyError(f"{self._url}: is no address that can be reached: {error}") from error
+        return self._socket
+
+
+def parts_of(names: tuple[str, ...]) -> dict[str, slice]:
+    """Slices of the joint vector by part: left_joints, left_gripper, right_joints, right_gripper."""
+    out: dict[str, slice] = {}
+    for i, name in enumerate(names):
+        side = name.split("_")[0]
+        part = name if name == f"{side}_gripper" else f"{side}_joints"
+        out[part] = slice(out[part].start if part in out else i, i + 1)
+    return out
+
+
+def _encode(value: object) -> dict[str, Any]:
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"a {type(value).__name__} cannot be sent")
+    file = io.BytesIO()
+    np.save(file, value, allow_pickle=False)
+    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
+
+
+def _decode(values: dict[Any, Any]) -> Any:
+    if "__ndarray_class__" not in values:
+        return values
+    data = values.get("as_npy")
+    if not isinstance(data, bytes):
+        raise WireError("an array has no file as_npy")
+    return npy(data)
+
+
+def npy(data: bytes) -> NDArray[Any]:
+    """The array in an NPY file. Its header is checked against the bytes before anything is made; no pickles. Raises WireError."""
+    file = io.BytesIO(data)
+    try:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise WireError("an array's NPY file is not of version 1.0")
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+    except (ValueError, SyntaxError, EOFError) as error:
+        raise WireError(f"an array is no NPY file: {' '.join(str(error).split())[:200]}") from error
+    if not fortran:
+        return array_of(data[file.tell() :], dtype.str, list(shape))
+    return array_of(data[file.tell() :], dtype.str, list(shape)[::-1]).T

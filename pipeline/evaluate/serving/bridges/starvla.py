@@ -1,0 +1,193 @@
+"""A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad).
+
+    server    {"action_keys": [text, ...], "available_unnorm_keys": [text, ...], "training_obs_image_size": [H, W], ...}
+    client    {"type": "predict_action", "request_id": text,
+               "payload": {"examples": [{"image": [(H,W,3) uint8, ...], "lang": text}], "unnorm_key": text, ...}}
+    server    {"status", "ok": true, "type": "inference_result", "request_id", "data": {"actions": (1,T,A)}}
+
+The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are in the order head, left wrist,
+right wrist, scaled to the size of training without keeping their shape, as StarVLA does. Its own clients send no joints; with
+`state=true` they are sent in the order of `state_keys`, not normalised.
+
+Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the dataset_statistics.json of the checkpoint.
+With `history=LENGTH:STRIDE` every example also has `history_images` (history.py).
+"""
+
+from dataclasses import replace
+from math import gcd
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.lines import line_of_text
+from pipeline.evaluate.policies.fit import first_rows
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
+from pipeline.evaluate.serving.address import Address
+from pipeline.evaluate.serving.bridges.groot import parts_of
+from pipeline.evaluate.serving.bridges.history import History, HistorySettings
+from pipeline.evaluate.serving.bridges.statistics import Statistics, read_statistics
+from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Socket, retry_connect
+
+PORT, SIZE = 10093, 224
+HISTORY = ("history", "history_mode", "history_size", "flow_size")
+OPTIONS = ("unnorm_key", "execute", "size", "action_keys", "state", "statistics", "normalization", "grippers", *HISTORY)
+SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
+"""What StarVLA's own clients ask for."""
+
+
+class StarvlaClient:
+    """`unnorm_key` names the statistics by which the server turns its output into joint targets; see also OpenpiClient."""
+
+    def __init__(self, address: Address) -> None:
+        self._url, self._key = address.url("ws"), address.options.get("unnorm_key")
+        self._execute, self._size = address.number("execute"), address.number("size")
+        self._keys, self._sends_state = address.options.get("action_keys"), address.options.get("state", "false") == "true"
+        self._socket: Socket | None = None
+        self.inferences = 0
+        self._ready, self._piece = np.empty((0, 0)), 1
+        self._wanted, self._past = _history_of(address), None
+        self._statistics = None
+        if (path := address.options.get("statistics")) is not None:
+            self._statistics = read_statistics(Path(path), self._key, address.options.get("normalization", "min_max"))
+            self._raw_grippers = _one_of(address, "grippers", ("raw", "scaled")) == "raw"
+        self._order = self._state_order = np.empty(0, int)
+        self.metadata: dict[Any, Any] = {}
+
+    def reset(self, start: Start) -> None:
+        """Open a connection: an episode is one. Raises PolicyError if the server's keys are not those of the robot."""
+        self.greet()
+        size = self.metadata.get("training_obs_image_size")
+        self._shape = (self._size or SIZE, self._size or SIZE)
+        if self._size is None and isinstance(size, list) and len(size) == 2 and all(type(n) is int and 0 < n < 4097 for n in size):
+            self._shape = (size[0], size[1])
+        self._ready = np.empty((0, 0))
+        if self._wanted is not None:
+            self._past = History(self._wanted, start.fps)
+        known = self.metadata.get("available_unnorm_keys")
+        if self._key and isinstance(known, list) and self._key not in known:
+            raise PolicyError(f"{self._url}: unnorm_key {self._key!r} is unknown to the server: it has {line_of_text(known)}")
+        keys = self._keys.split(",") if self._keys else self.metadata.get("action_keys")
+        self._order = self._indices("action", keys, start)
+        if self._statistics is not None:
+            self._statistics = self._check_statistics(start)
+        if self._sends_state:
+            self._state_order = self._indices("state", self.metadata.get("state_keys", keys), start)
+
+    def greet(self) -> None:
+        """Open a connection and read the server's metadata. Raises PolicyError."""
+        self.close()
+        self._socket = retry_connect(lambda: Socket(self._url)) if self.metadata else Socket(self._url)
+        self.metadata = self._socket.receive(CONNECT_SECONDS)
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """A chunk (T,A), or with a history as much of it as lies between two images that are kept. Raises PolicyError, or
+        ActionError for an answer that is none."""
+        if self._past is not None and self._wanted is not None:
+            if not observation.images:
+                raise PolicyError(f"{self._url}: history is made of images: name --cameras")
+            self._past.add(observation.time, next(iter(observation.images.values())))
+            if not len(self._ready):
+                self._ready = self._infer(observation)
+                self._piece = gcd(self._wanted.stride, len(self._ready))
+            answer, self._ready = self._ready[: self._piece], self._ready[self._piece :]
+            return answer
+        return self._infer(observation)
+
+    def _infer(self, observation: Observation) -> NDArray[Any]:
+        if self._socket is None:
+            raise PolicyError(f"{self._url}: asked before reset")
+        self.inferences += 1
+        request = f"domino-{self.inferences}"
+        example: dict[str, Any] = {
+            "image": [squash(image, self._shape) for image in observation.images.values()],
+            "lang": observation.instruction,
+        }
+        if self._past is not None:
+            example["history_images"] = self._past.images()
+        if self._sends_state:
+            example["state"] = np.asarray(observation.joints, np.float32)[self._state_order][None]
+        payload = {"examples": [example], **SAMPLING, **({"unnorm_key": self._key} if self._key else {})}
+        answer = self._socket.ask({"type": "predict_action", "request_id": request, "payload": payload})
+        if answer.get("request_id") != request:
+            raise NoAnswer(f"{self._url}: answered request {line_of_text(answer.get('request_id'))[:40]} instead of {request}")
+        if answer.get("ok") is not True:
+            raise NoAnswer(f"{self._url}: the server failed: {line_of_text(answer.get('error', answer.get('status')))}")
+        data = answer.get("data")
+        actions = self._actions(data) if isinstance(data, dict) else None
+        if not isinstance(actions, np.ndarray) or actions.ndim != 3 or len(actions) != 1:
+            raise ActionError(f"{self._url}: data.actions is no array (1,T,A)")
+        if actions.shape[2] != len(self._order):
+            raise ActionError(f"{self._url}: actions have {actions.shape[2]} numbers, the robot {len(self._order)}")
+        found = actions[0] if self._statistics is None else self._statistics.joints(actions[0])
+        ours = np.empty_like(found)
+        ours[:, self._order] = found
+        return first_rows(ours, self._execute)
+
+    def _actions(self, data: dict[Any, Any]) -> object:
+        """The actions of an answer, normalised ones where there are statistics. Raises ActionError for the other kind."""
+        wanted = "actions" if self._statistics is None else "normalized_actions"
+        if wanted not in data and "normalized_actions" in data:
+            raise ActionError(f"{self._url}: answers with normalized_actions: give ?statistics=dataset_statistics.json")
+        if wanted not in data and "actions" in data:
+            raise ActionError(f"{self._url}: answers with joint targets: leave ?statistics out")
+        return data.get(wanted)
+
+    def _check_statistics(self, start: Start) -> Statistics:
+        """The statistics, grippers left as they are unless they are to be scaled. Raises PolicyError for those of another robot."""
+        assert self._statistics is not None
+        if len(self._statistics.low) != len(self._order):
+            raise PolicyError(f"{self._url}: the statistics have {len(self._statistics.low)} numbers, the robot {len(self._order)}")
+        joint = np.array([not start.action_names[i].endswith("gripper") for i in self._order])
+        normalized = self._statistics.normalized & (joint | (not self._raw_grippers))
+        return replace(self._statistics, normalized=normalized)
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def _indices(self, kind: str, keys: object, start: Start) -> NDArray[np.int64]:
+        """The index in our joint vector of every number of the server's. Raises PolicyError for keys that are not the robot's."""
+        if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
+            raise PolicyError(
+                f"{self._url}: the server does not tell the order of its {kind}s: start it with an unnorm_key, or give "
+                f"?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
+            )
+        parts = parts_of(start.action_names)
+        names = [key.rpartition(".")[2] for key in keys]
+        if sorted(names) != sorted(parts):
+            raise PolicyError(
+                f"{self._url}: {kind} keys: the server has {line_of_text(' '.join(names))}, the robot {' '.join(parts)}"
+            )
+        return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
+
+
+def squash(image: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """The image (H,W,3) at another (height, width), whatever its proportions were."""
+    return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _one_of(address: Address, option: str, known: tuple[str, ...]) -> str:
+    """The value of an option, by default the first of those there are. Raises PolicyError for another one."""
+    value = address.options.get(option, known[0])
+    if value not in known:
+        raise PolicyError(f"--policy {address.text}: {option}={value} is unknown: choose {', '.join(known)}")
+    return value
+
+
+def _history_of(address: Address) -> HistorySettings | None:
+    """The history that the options ask for. Raises PolicyError."""
+    text = address.options.get("history")
+    if text is None:
+        return None
+    length, _, stride = text.partition(":")
+    if not all(part.isascii() and part.isdigit() and 1 <= int(part) <= 100 for part in (length, stride)):
+        raise PolicyError(f"--policy {address.text}: history={text} is not LENGTH:STRIDE, two whole numbers from 1 to 100")
+    flow = _one_of(address, "history_mode", ("flow", "frames")) == "flow"
+    kept, sent = address.number("flow_size", 128), address.number("history_size", SIZE)
+    return HistorySettings(int(length), int(stride), flow, kept or 128, sent or SIZE)

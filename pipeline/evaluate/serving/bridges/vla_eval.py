@@ -1,0 +1,146 @@
+"""This benchmark for vla-eval, the evaluation harness for vision-language-action models (its StepBenchmark, version 0.8).
+
+    benchmarks:
+      - benchmark: "pipeline.evaluate.serving.bridges.vla_eval:DominoBenchmark"
+        params: {tasks: [click_bell], embodiment: aloha, level: 1, alpha: 0.1, episodes: 20, manifests: out/manifests}
+
+Only vla-eval imports this module; it needs that package, which this project does not install. Episode n of a task is the n-th
+admitted scene. What the harness' real-time mode measures is wall time, not the clock of the world.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from vla_eval.benchmarks.base import StepBenchmark, StepResult  # pyright: ignore[reportMissingModuleSource]
+from vla_eval.specs import IMAGE_RGB, LANGUAGE, DimSpec  # pyright: ignore[reportMissingModuleSource]
+
+from pipeline.data.clock import at_rate
+from pipeline.data.recipe.model import Cell
+from pipeline.data.setup import Setup
+from pipeline.evaluate.environment.env import DominoEnv
+from pipeline.evaluate.scenes.case import UNSEEN, Case, setup_of
+from pipeline.evaluate.scenes.manifests import Manifests, inline
+from pipeline.tasks import TASKS
+from pipeline.world.robots import get_embodiment
+
+type Message = dict[str, Any]
+
+
+class DominoBenchmark(StepBenchmark):
+    """Tasks of one level, alpha, domain and robot. `setup` are keys of a setup, or the directory of a dataset whose setup is taken.
+
+    Actions are drive targets (A,), reached at the end of a control period.
+
+    Raises KeyError, naming what there is, for a task or robot that does not exist, ValueError for another unknown option.
+    """
+
+    render_backends: ClassVar[frozenset[str]] = frozenset({"gpu", "cpu"})
+
+    def __init__(
+        self,
+        tasks: Sequence[str],
+        embodiment: str = "aloha",
+        level: int = 1,
+        alpha: float = 0.1,
+        domain: str = "clean",
+        *,
+        episodes: int = 100,
+        seed: int = 0,
+        manifests: str = "out/manifests",
+        setup: Setup | Mapping[str, Any] | str = UNSEEN,
+    ) -> None:
+        super().__init__()
+        robot = get_embodiment(embodiment)
+        self._names, self._setup = robot.vector_names, setup_of(setup)
+        self._cells = {TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks}
+        self._episodes, self._manifests = episodes, Manifests(Path(manifests), seed, self._setup)
+        self._cases: dict[tuple[str, int], Case] = {}
+        self._env: DominoEnv | None = None
+        self._instruction = ""
+
+    @classmethod
+    def configure_render(cls, mode: str) -> dict[str, str]:
+        """Nothing to set: rendering finds a GPU, or a driver that draws on the processor, by itself."""
+        return {}
+
+    def get_tasks(self) -> list[Message]:
+        """Every episode of every task; scenes that no manifest has yet are admitted now. Raises ProtocolError."""
+        found = self._manifests.admitted(list(self._cells.values()), self._episodes, inline)
+        self._cases = {(cell.task, i): case for cell, cases in found.items() for i, case in enumerate(cases)}
+        return [{"name": task, "suite": "domino", "episode_idx": i} for task, i in self._cases]
+
+    def reset(self, task: Message) -> Message:
+        """Start an episode of `get_tasks`; its first observation."""
+        self.cleanup()
+        if not self._cases:
+            self.get_tasks()
+        case, cell = self._cases[task["name"], task["episode_idx"]], self._cells[task["name"]]
+        self._env = DominoEnv(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup)
+        observation, _ = self._env.reset(options={"case": case})
+        self._instruction = self._env.task_description
+        return observation
+
+    def step(self, action: Message) -> StepResult:
+        """One control period. Raises ActionError for an action of another length."""
+        if self._env is None:
+            raise RuntimeError("reset the benchmark before it is stepped")
+        values = np.asarray(action.get("actions", action.get("action")), np.float64)
+        observation, reward, terminated, truncated, info = self._env.step(values.reshape(-1).astype(np.float32))
+        return StepResult(observation, reward, terminated or truncated, info)
+
+    def make_obs(self, raw_obs: Message, task: Message) -> Message:
+        """Images (H,W,3) uint8 by camera, measured joints (A,), and the instruction."""
+        return {
+            "images": dict(raw_obs.get("pixels", {})),
+            "task_description": self._instruction,
+            "state": np.asarray(raw_obs["agent_pos"], np.float32),
+        }
+
+    def get_step_result(self, step_result: StepResult) -> Message:
+        """Success, route completion and manipulation score (0-100)."""
+        found = step_result.info.get("score", {})
+        numbers = {name: found.get(name, 0.0) for name in ("route_completion", "manipulation_score")}
+        return {"success": bool(step_result.info.get("is_success", False))} | numbers
+
+    def get_metric_keys(self) -> dict[str, str]:
+        """Means of success and of both scores."""
+        return {"success": "mean", "route_completion": "mean", "manipulation_score": "mean"}
+
+    def get_action_spec(self) -> dict[str, DimSpec]:
+        """Absolute joint targets."""
+        return {"joints": self._joints()}
+
+    def get_observation_spec(self) -> dict[str, DimSpec]:
+        """Images, joints and language."""
+        return {"image": IMAGE_RGB, "state": self._joints(), "language": LANGUAGE}
+
+    def get_metadata(self) -> Message:
+        """Steps an episode takes at most, over the tasks."""
+        return {
+            "max_steps": at_rate(max(TASKS[task].step_limit for task in self._cells), self._setup.fps),
+            "action_names": list(self._names),
+        }
+
+    def get_hold_action(self, last_action: Message | None) -> Message:
+        """The last targets again; before the first action the joints as they are."""
+        if last_action is not None:
+            return last_action
+        return {"actions": np.asarray(self._last_result.obs["agent_pos"], np.float32)}
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The first camera's image of the last observation."""
+        images = (self._last_result.obs or {}).get("pixels", {})
+        return next(iter(images.values()), None)
+
+    def cleanup(self) -> None:
+        """Free the renderer."""
+        if self._env is not None:
+            self._env.close()
+        self._env = None
+
+    def _joints(self) -> DimSpec:
+        said = "radians, grippers 0 closed to 1 open: " + " ".join(self._names)
+        return DimSpec("joints", len(self._names), "joint_positions", description=said)
