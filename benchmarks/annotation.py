@@ -26,9 +26,9 @@ import numpy as np
 from benchmarks.export import drawn_episode
 from benchmarks.flow_agreement import flow_agreement
 from benchmarks.random_models import random_models
-from pipeline.annotate.features import load_encoder
-from pipeline.annotate.masks import load_detector, load_segmenter
-from pipeline.annotate.models import image_settings, inference, pick_device, resolve
+from pipeline.annotate.networks.features import load_encoder
+from pipeline.annotate.networks.masks import load_detector, load_segmenter
+from pipeline.annotate.networks.models import image_settings, inference, pick_device, resolve
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, FlowOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.annotate.selection import build_stages
@@ -267,7 +267,7 @@ def print_errors(dataset: Path, paths: Sequence[Path], image: Path | None) -> No
     """Farneback against exact flow by level, and the image of the last episode."""
     from functools import partial
 
-    from pipeline.stages.redraw import redraw
+    from pipeline.stages.drawing.redraw import redraw
 
     options: dict[str, Any] = {"render": partial(redraw, bodies=dataset / "assets" / "bodies")}
     annotate(dataset, ["flow"], **options)

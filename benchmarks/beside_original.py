@@ -18,13 +18,13 @@ from pipeline.poses import quat_about, quat_rotate
 from pipeline.stages.scene import FRAME_MARGIN, Scene, build_scene
 from pipeline.tasks import TASKS, Draw, Placement
 from pipeline.tasks.contract import Region
-from pipeline.world.body import TABLE_TOP
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import Family
-from pipeline.world.objects.families.bowl import Bowl
-from pipeline.world.objects.families.can import Can
-from pipeline.world.objects.families.cup import Cup
-from pipeline.world.objects.families.pill_bottle import PillBottle
+from pipeline.world.objects.families.containers.bowl import Bowl
+from pipeline.world.objects.families.containers.cup import Cup
+from pipeline.world.objects.families.goods.can import Can
+from pipeline.world.objects.families.goods.pill_bottle import PillBottle
+from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots import get_embodiment
 
 HERE = Path(__file__).parent

@@ -23,8 +23,8 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.spec import DOMAINS
 from pipeline.report.contact_sheet import encode
 from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import appearance_of, render
 from pipeline.world.robots import MODELS
 
 TASKS = (

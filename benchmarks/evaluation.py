@@ -34,7 +34,7 @@ from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
 from pipeline.evaluate.scenes.views import Eyes
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 PARTS = ("scene", "policy", "render", "physics", "score")
 

@@ -39,7 +39,7 @@ from pipeline.export.shared.common import exported_cameras, read_facts, reading
 from pipeline.export.shared.video import Codec, encode
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import pose
-from pipeline.world.visuals import CLEAN
+from pipeline.world.looks.visuals import CLEAN
 
 FPS = 15
 NAMES = tuple(f"{side}_{n}" for side in SIDES for n in (*(f"joint{i}" for i in range(1, 7)), "gripper"))

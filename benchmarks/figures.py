@@ -28,12 +28,12 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.report.contact_sheet import contact_sheet, save_contact_sheet
 from pipeline.report.film_strip import meeting_frame, with_path
 from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.drawing.redraw import facing, redraw_smooth
+from pipeline.stages.drawing.render import appearance_of, render, stored_appearance, visuals_of, with_setup
 from pipeline.stages.failure import Failure
-from pipeline.stages.redraw import facing, redraw_smooth
-from pipeline.stages.render import appearance_of, render, stored_appearance, visuals_of, with_setup
 from pipeline.tasks.contract import expand_tasks
+from pipeline.world.drawing.vulkan import ensure_renderer
 from pipeline.world.robots import MODELS
-from pipeline.world.vulkan import ensure_renderer
 
 
 def accepted(task: str, robot: str, level: int = 1, alpha: float = 0.1, first: int = 0) -> Rollout:

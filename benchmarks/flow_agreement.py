@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.annotate.features import area_weights
-from pipeline.annotate.masks import unpack
+from pipeline.annotate.networks.features import area_weights
+from pipeline.annotate.networks.masks import unpack
 from pipeline.annotate.store import find_stage
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
 from pipeline.data.episode.file import open_episode

@@ -19,7 +19,7 @@ from pipeline.stages.failure import failing_as
 from pipeline.stages.react import STAGE
 from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
-from pipeline.world.simulation import Simulation
+from pipeline.world.physics.simulation import Simulation
 from training.ladder.demonstrations import Demonstration, SlotJob, fill
 
 

@@ -28,9 +28,9 @@ from pipeline.run.engine.pool import Done, Limit, Pool
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot
-from pipeline.stages.render import appearance_of, body_poses, renderer
+from pipeline.stages.drawing.render import appearance_of, body_poses, renderer
 from pipeline.stages.scene import build_scene
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 PHASES = ("scene", "dry_run", "back_calculate", "replay", "render", "encode", "write")
 PHYSICS = PHASES[:4]

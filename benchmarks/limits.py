@@ -28,9 +28,9 @@ from pipeline.planning.budgets import LIMITS
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
+from pipeline.world.physics.simulation import Simulation
 from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Embodiment
-from pipeline.world.simulation import Simulation
 
 KINDS = ("velocity", "acceleration", "jerk", "press", "touch", "meeting", "palm")
 """Columns of the table; the last four are forces in N. "touch" is the press at the step of the touch, at which a moving target is

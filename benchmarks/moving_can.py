@@ -35,8 +35,8 @@ from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import INTERCEPTION, TASKS, Draw, Placement, Region, Task, register, side_of
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.body import Body
-from pipeline.world.objects.families.can import Can
+from pipeline.world.objects.families.goods.can import Can
+from pipeline.world.physics.body import Body
 from pipeline.world.robots import MODELS, get_embodiment
 
 SPEEDS = (0.05, 0.1, 0.2)

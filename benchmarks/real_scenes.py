@@ -20,9 +20,9 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
 from pipeline.stages.attempt import Phases, Rollout, attempt
+from pipeline.stages.drawing.redraw import FACING, FILMED, facing
+from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
-from pipeline.stages.redraw import FACING, FILMED, facing
-from pipeline.stages.render import appearance_of, render
 
 AFTER = 0.6  # s after the meeting: the hand has closed and lifts
 HEAD = CameraType(640, 480, 37.0)

@@ -23,8 +23,8 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import Recipe, parse_recipe
 from pipeline.run.drawing import work_of
 from pipeline.run.slot.redraw import DrawJob, draw_slot
-from pipeline.stages.render import body_poses, renderer, stored_appearance
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.stages.drawing.render import body_poses, renderer, stored_appearance
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 PHASES = ("read", "render", "encode", "write")
 

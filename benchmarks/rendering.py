@@ -27,11 +27,11 @@ from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.data.sensors import Sensors
 from pipeline.run.names import recipe_from
 from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.drawing.render import Appearance, appearance_of, body_poses, renderer
+from pipeline.stages.drawing.sensing import photograph
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import Appearance, appearance_of, body_poses, renderer
-from pipeline.stages.sensing import photograph
-from pipeline.world.sensing import Sensing
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.sensing import Sensing
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 SCENES = ("click_bell:aloha", "place_container_plate:franka", "handover_block:ur5", "place_object_basket@randomized:arx")
 PRESETS = ("raster", "raster-fast", "raster-smooth", "sapien-default", "sapien-minimal")

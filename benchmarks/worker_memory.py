@@ -26,7 +26,7 @@ from pipeline.run.engine.pool import Done, Limit, Pool
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, slot_worker
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 ROBOTS = ("aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg")
 LEVELS, DOMAINS = (1, 2, 3), ("clean", "randomized")

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-PHRASES = Path(__file__).parent / "tasks" / "library" / "phrases"
+SUITE = Path(__file__).parent / "tasks" / "library" / "domino"
 
 
 def shipped_tasks() -> list[str]:
     """Names of the tasks in the package, sorted: each has a file of sentences."""
-    return sorted(path.stem for path in PHRASES.glob("*.txt"))
+    return sorted(path.stem for path in SUITE.glob("*/phrases/*.txt"))
 
 
 def env_id(task: str) -> str:

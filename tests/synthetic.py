@@ -20,7 +20,7 @@ from pipeline.data.episode.writer import write_episode
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.poses import Pose, compose, frame, pose
-from pipeline.world.visuals import CLEAN
+from pipeline.world.looks.visuals import CLEAN
 
 CAMERAS = ("head_camera", "left_camera", "right_camera")
 COLORS = {

@@ -33,7 +33,7 @@ from benchmarks.chaos.harness import Disk, Driver, Fresh, Life, Outcome, Site, d
 from benchmarks.chaos.traps import Control
 from benchmarks.hardware import hardware
 from pipeline.data.dataset import Dataset
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 SMALL = ("--render", "raster-fast")
 REAL = ("--tasks", "click_bell", "--embodiment", "aloha")

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.features import features_of, load_encoder
 from pipeline.annotate.mask_stage import MaskStage
-from pipeline.annotate.masks import unpack
-from pipeline.annotate.models import ModelFiles, pick_device, resolve
+from pipeline.annotate.networks.features import features_of, load_encoder
+from pipeline.annotate.networks.masks import unpack
+from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
 from pipeline.annotate.options import FeatureOptions
 from pipeline.annotate.stage import NotReady, Reading, Result, decode_frames, directory_of, encoded_frames, frames_inputs
 from pipeline.annotate.stage_key import annotation_key

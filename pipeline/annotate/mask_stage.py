@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.annotate.masks import Masks, exact_masks, load_detector, load_segmenter, model_masks, pack
-from pipeline.annotate.models import ModelFiles, pick_device, resolve
+from pipeline.annotate.networks.masks import Masks, exact_masks, load_detector, load_segmenter, model_masks, pack
+from pipeline.annotate.networks.models import ModelFiles, pick_device, resolve
+from pipeline.annotate.networks.prompts import Asked, ask
 from pipeline.annotate.options import MaskOptions
-from pipeline.annotate.prompts import Asked, ask
 from pipeline.annotate.stage import Reading, Render, Result, decode_frames, encoded_frames, frames_inputs, sim_reading
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.annotate.flow import Colour, colour_flow
-from pipeline.annotate.masks import unpack
+from pipeline.annotate.networks.masks import unpack
 from pipeline.data.annotations import Entry, annotation_path, read_entry, stages_of
 from pipeline.data.episode.file import open_episode
 from pipeline.data.names import HEAD

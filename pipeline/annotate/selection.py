@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.annotate.feature_stage import FeatureStage
 from pipeline.annotate.flow_stage import FlowStage
 from pipeline.annotate.mask_stage import MaskStage
-from pipeline.annotate.models import NoWeights
+from pipeline.annotate.networks.models import NoWeights
 from pipeline.annotate.options import AnnotateOptions
 from pipeline.annotate.stage import Render, Stage
 from pipeline.annotate.stage_key import AnnotateError

@@ -47,7 +47,7 @@ def annotate(
     from pipeline.report.page import refresh
     from pipeline.run.annotate import Execution
     from pipeline.run.annotate import annotate as run
-    from pipeline.stages.redraw import redraw
+    from pipeline.stages.drawing.redraw import redraw
 
     try:
         size = pixels(flow_size)

@@ -38,7 +38,7 @@ def write_film(episode: Path, film: Path) -> Path:
     from functools import partial
 
     from pipeline.report.clip import observed
-    from pipeline.stages.redraw import redraw_smooth
+    from pipeline.stages.drawing.redraw import redraw_smooth
 
     root = dataset_of(episode)
     check_file(film, "--film", "a film", ".mp4")

@@ -68,7 +68,7 @@ class Rules:
     `contact` says what the first touch does to the target. "stop" ends its own motion (the paper's text). "continue" lets that of a
     tracking task follow its motion through the contact (the original's evaluation); that of an interception task stops, since a
     gripper holds it. "hold" makes it a dynamic body that a drive of bounded force keeps on its motion until something has hold of
-    it (world/drive.py). Without it, strict rules stop the target, and domino rules let that of a tracking task continue.
+    it (world/physics/drive.py). Without it, strict rules stop the target, and domino rules let that of a tracking task continue.
 
     `layout` says where the robot's bases stand: at our places, or at those of the original system. `clutter` are the fewest and the
     most distractors of the randomized domain. `objects` names for families the objects from files that stand for them; a key

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class Sensors(BaseModel):
-    """All off by default; world/sensing.py defines what each number does to a pixel."""
+    """All off by default; world/drawing/sensing.py defines what each number does to a pixel."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

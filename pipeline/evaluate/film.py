@@ -14,7 +14,7 @@ from pipeline.data.episode.mp4 import encode_mp4
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, play
 from pipeline.evaluate.scoring.results import text_key
-from pipeline.stages.render import appearance_of, render
+from pipeline.stages.drawing.render import appearance_of, render
 
 COLUMNS, WIDTH = 6, 200
 """Frames of a strip, and their width in pixels."""

@@ -16,11 +16,11 @@ from pipeline.planning.planner import ArmPlanner, Planner, planner_of
 from pipeline.planning.scene import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.planning.trajectory import ArmTrajectory, smoothed
 from pipeline.poses import Pose, compose, inverse
-from pipeline.world.body import Body
 from pipeline.world.objects.contract import NamedFrames
-from pipeline.world.recorder import Recorder
+from pipeline.world.physics.body import Body
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 from pipeline.world.shapes import Collider
-from pipeline.world.simulation import Simulation
 
 MotionStep = dict[str, ArmTrajectory]
 """Trajectories by side, of one or both arms, that start together; the shorter one holds its end."""

@@ -20,7 +20,7 @@ from pipeline.tasks import TASKS
 from pipeline.tasks.language import instructions
 from pipeline.tasks.language_check import FIXES, check_templates, faults
 from pipeline.tasks.outcome import failed
-from pipeline.world.vulkan import NoRenderer
+from pipeline.world.drawing.vulkan import NoRenderer
 
 SEEDS_PER_LEVEL = 12
 LAYOUTS = 40

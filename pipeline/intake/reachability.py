@@ -14,8 +14,8 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Pose, quat_rotate, transform
 from pipeline.report.contact_sheet import encode
+from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import appearance_of, render
 from pipeline.stages.scene import Scene
 from pipeline.world.cameras import wanted_cameras
 

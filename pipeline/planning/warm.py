@@ -10,7 +10,7 @@ from pipeline.planning.scene import ArmState, Obstacle, PlanningScene
 from pipeline.planning.sweep import Sweep
 from pipeline.planning.trajectory import time_parameterise
 from pipeline.poses import IDENTITY, pose
-from pipeline.world.body import TABLE_COLLISION
+from pipeline.world.physics.body import TABLE_COLLISION
 
 
 def is_compiled() -> bool:

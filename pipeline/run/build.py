@@ -36,10 +36,10 @@ from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
 from pipeline.run.slot.make import read_facts
 from pipeline.run.slot.running import NodeCheck
 from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
+from pipeline.world.drawing.vulkan import ensure_renderer
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of
 from pipeline.world.robots.pairs import MODELS
-from pipeline.world.vulkan import ensure_renderer
 
 ATTEMPT_SECONDS = 600.0
 """What one attempt may take, rendering and writing included, before its worker counts as hung; the usual is one to three."""

@@ -25,7 +25,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.store.mirror import free_space
 from pipeline.motion.models import motion_from_json
 from pipeline.run.slot.make import facts
-from pipeline.stages.render import appearance_of, keep
+from pipeline.stages.drawing.render import appearance_of, keep
 from pipeline.stages.scene import build_scene
 
 _DIGITS = 32

@@ -23,7 +23,7 @@ from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
 from pipeline.run.typical import bytes_of, seconds_of
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
 """Parts of a file by the names of their datasets; all others are states: poses, joints, instructions and the headers."""

@@ -17,7 +17,7 @@ from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.names import installed_recipe
 from pipeline.run.slot.fill import Lost, SlotJob, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 _MOST = 12
 

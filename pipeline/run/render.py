@@ -18,7 +18,7 @@ from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.engine.pool import Pool
 from pipeline.run.mend import from_source, mend_assets
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene
 from pipeline.tasks import middle
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.physics.body import TABLE_TOP
 
 TAIL = 0.25
 """Seconds after the meeting for which the straight continuation must stay in the workspace and in view."""

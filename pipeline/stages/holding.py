@@ -2,7 +2,7 @@
 
 from pipeline.tasks import Task
 from pipeline.tasks.contract import TRACKING
-from pipeline.world.drive import Hold
+from pipeline.world.physics.drive import Hold
 from pipeline.world.robots.contract import Embodiment
 
 

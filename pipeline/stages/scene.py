@@ -19,11 +19,11 @@ from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.language import Wording
 from pipeline.tasks.needed_arms import suits
 from pipeline.tasks.outcome import Outcome, failed
-from pipeline.world.body import Body
 from pipeline.world.cameras import cameras_of
-from pipeline.world.recorder import Recorder
+from pipeline.world.physics.body import Body
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import PHYSICS_HZ, Motion, Simulation
 from pipeline.world.robots.contract import Embodiment
-from pipeline.world.simulation import PHYSICS_HZ, Motion, Simulation
 
 FRAME_MARGIN = 4.0
 """Pixels between the target and the border of the head camera's image (D435) that count as seen."""

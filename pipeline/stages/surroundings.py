@@ -11,8 +11,8 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Pose, inverse, transform, yawed
 from pipeline.tasks import middle
 from pipeline.tasks.contract import drawn_kind, family_of, name_of
-from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
 from pipeline.world.objects.contract import Family
+from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP, Body
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.robots.forward import arm_poses

@@ -1,6 +1,6 @@
 """What a task is: a layout, a script in two halves and named success conditions. docs/add_a_task.md walks through one.
 
-The sentences that ask for a task are in library/phrases/<name>.txt: a line "seen", templates one per line, a line "unseen", more
+The sentences that ask for a task are in phrases/<name>.txt beside it: a line "seen", templates one per line, a line "unseen", more
 templates; how many there must be is said by `Task`.
 """
 
@@ -23,8 +23,8 @@ from pipeline.motion.workspace import Workspace
 from pipeline.registry import Registry, place_in
 from pipeline.tasks.language import has_templates, read_templates
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family, Slide, stands_for
+from pipeline.world.physics.body import TABLE_TOP, Body
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
@@ -233,8 +233,8 @@ def register[T: Task](cls: type[T]) -> type[T]:
         _check_names(cls, name)
     cls.name = name
     cls.manipulated = cls.manipulated or cls.target
-    folder = cls.__module__.removeprefix(LIBRARY).rpartition(".")[0]
-    cls.suite = (folder or DOMINO) if cls.__module__.startswith(LIBRARY) else cls.suite or "own"
+    folder = cls.__module__.removeprefix(LIBRARY).partition(".")[0]
+    cls.suite = folder if cls.__module__.startswith(LIBRARY) else cls.suite or "own"
     if "seen" not in vars(cls) and (has_templates(name, cls.__module__) or not hasattr(cls, "seen")):
         cls.seen, cls.unseen = read_templates(name, cls.__module__)
     for split, templates, least in (("seen", cls.seen, cls.least_seen), ("unseen", cls.unseen, cls.least_unseen)):

@@ -9,9 +9,9 @@ import numpy as np
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Pose, compose, yawed
 from pipeline.tasks.contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, middle, name_of
-from pipeline.world.body import Body
-from pipeline.world.footprints import apart, outline_of
 from pipeline.world.objects.contract import Family
+from pipeline.world.physics.body import Body
+from pipeline.world.physics.footprints import apart, outline_of
 
 TRIALS = 32
 """Layouts that are drawn to find the families of a task."""

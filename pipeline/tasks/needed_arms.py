@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.data.names import SIDES
 from pipeline.tasks.contract import Draw, Task
 from pipeline.tasks.layout import TRIALS, lay_out
-from pipeline.world.body import Body
+from pipeline.world.physics.body import Body
 
 
 def suits(task: Task, bodies: dict[str, Body], sides: Collection[str]) -> bool:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.rules import STRICT, Rules
 from pipeline.poses import Pose, angle_between, compose, quat_about, quat_multiply, quat_rotate
-from pipeline.world.body import Body
 from pipeline.world.objects.contract import NamedFrames
+from pipeline.world.physics.body import Body
 from pipeline.world.robots.contract import Embodiment
 
 OPEN, CLOSED = 0.8, 0.2

@@ -14,9 +14,8 @@ SEED, COUNT = 0, 58
 INTRODUCTION = """# Instructions
 
 Every episode comes with instructions in words, 100 for each of the splits `seen` and `unseen` unless the recipe says otherwise.
-They are made from templates (`pipeline/tasks/library/phrases/TASK.txt`: 50 seen and 10 unseen for every task) and descriptions
-(`pipeline/world/objects/phrases/FAMILY.txt`: 12 seen and 3 unseen for every object, true of its colour, size and form). An
-instruction
+They are made from templates (`phrases/TASK.txt` beside the task's file: 50 seen and 10 unseen for every task) and descriptions
+(`phrases/FAMILY.txt` beside the object's file: 12 seen and 3 unseen, true of its colour, size and form). An instruction
 
 - is true of its episode: it names arms that act, the goal and the facing that success requires, and nothing that does not happen;
 - speaks of motion only if the target moves: never at level 0, and about one time in four above it;

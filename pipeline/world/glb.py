@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.world.png import read_png, write_png
+from pipeline.world.looks.png import read_png, write_png
 from pipeline.world.shapes import Material, Mesh, Parts, deferred
 
 GENERATOR = "domino-data"

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from benchmarks.flow_agreement import flow_agreement
-from pipeline.annotate.masks import pack, unpack
+from pipeline.annotate.networks.masks import pack, unpack
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet, mask_overlay
 from pipeline.annotate.stage_key import AnnotateError

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.annotate.features import area_weights, features_of, load_encoder, overlap, patch_tokens, pool
-from pipeline.annotate.masks import (
+from pipeline.annotate.networks.features import area_weights, features_of, load_encoder, overlap, patch_tokens, pool
+from pipeline.annotate.networks.masks import (
     Detector,
     Segmenter,
     detect,
@@ -25,7 +25,7 @@ from pipeline.annotate.masks import (
     tight_boxes,
     unpack,
 )
-from pipeline.annotate.models import image_settings, pixels, resolve
+from pipeline.annotate.networks.models import image_settings, pixels, resolve
 from pipeline.annotate.stage_key import AnnotateError
 from tests.annotate import tiny
 

@@ -14,7 +14,7 @@ from pipeline.evaluate.scoring.metrics import (
     time_to_hold,
     touched_distractors,
 )
-from pipeline.world.drive import Hold
+from pipeline.world.physics.drive import Hold
 from tests.synthetic import make_log
 
 coordinate = st.floats(-1, 1, allow_nan=False)

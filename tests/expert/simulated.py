@@ -5,11 +5,11 @@ import numpy as np
 from pipeline.expert.actor import Actor
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import yawed
-from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects import FAMILIES
-from pipeline.world.recorder import Recorder
+from pipeline.world.physics.body import TABLE_TOP, Body
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 from pipeline.world.robots import get_embodiment
-from pipeline.world.simulation import Simulation
 
 
 def body(name: str, family: str, x: float, y: float, inside: str = "") -> Body:

@@ -7,7 +7,7 @@ from pipeline.expert.actor import Actor
 from pipeline.expert.skills import face, grasp, lift, lift_clear
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import pose, quat_about, yawed
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.physics.body import TABLE_TOP
 from tests.expert.simulated import actor_among, body
 
 FAR = pose((0.0, 3.0, 0.8))

@@ -12,8 +12,8 @@ from pipeline.expert.regrasping import find_seats, promising, regrasp
 from pipeline.expert.skills import first_of, grasp, in_turn, lift, move, open_
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import pose, yawed
-from pipeline.world.body import TABLE_TOP
-from pipeline.world.objects.families.bowl import Bowl
+from pipeline.world.objects.families.containers.bowl import Bowl
+from pipeline.world.physics.body import TABLE_TOP
 from tests.expert.simulated import actor_among, body
 
 FAR = pose((0.0, 3.0, 0.8))

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.annotate.masks import pack
+from pipeline.annotate.networks.masks import pack
 from pipeline.annotate.store import write_entry, write_stage
 from pipeline.data.annotations import annotation_path
 from pipeline.data.cameras import project

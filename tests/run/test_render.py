@@ -29,7 +29,7 @@ from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.status import status
 from pipeline.run.verify.dataset import verify
-from pipeline.stages.redraw import facing
+from pipeline.stages.drawing.redraw import facing
 from tests.export.running import run as run_export
 from tests.run.command import inside, start
 
@@ -81,7 +81,7 @@ def paths(dataset):
 
 def test_a_film_has_every_frame_and_both_arms_and_the_path_in_view(source, tmp_path, monkeypatch):
     kind = CameraType(64, 48, 40.0)
-    monkeypatch.setattr("pipeline.stages.redraw.FILMED", kind)
+    monkeypatch.setattr("pipeline.stages.drawing.redraw.FILMED", kind)
     (path, *_), film = paths(source), tmp_path / "film.mp4"
     code, out, err = inside("show", path, "--film", film)
     assert (code, out.strip(), err) == (0, str(film), "")

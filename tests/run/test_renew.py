@@ -83,9 +83,9 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     first, spoken = arrays(out)
 
     # phrases: no physics and no rendering, only that task's sentences; another task: its slot, and to the same bytes
-    edit(tree, "tasks/library/phrases/click_bell.txt", f"{PHRASE}\n")
+    edit(tree, "tasks/library/domino/press/phrases/click_bell.txt", f"{PHRASE}\n")
     monkeypatch.setattr(bell, "unseen", (*bell.unseen, PHRASE))
-    edit(tree, "tasks/library/move_playingcard_away.py", CODE)
+    edit(tree, "tasks/library/domino/handle/move_playingcard_away.py", CODE)
     told, built = say(("status", out), building(out))
     assert {(redo["what"], *redo["because"], redo["slots"]) for redo in told["redo"]} == {
         ("sentences", "phrases", 1),
@@ -98,10 +98,10 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     assert changed <= {("click_bell", "instruction/unseen"), ("click_bell", "instruction/seen")} and changed
 
     # the renderer: all images from the stored logs; a remark, a third task and a listing: nothing
-    edit(tree, "world/renderer.py", CODE)
-    edit(tree, "tasks/library/shake_bottle.py", CODE)
+    edit(tree, "world/drawing/renderer.py", CODE)
+    edit(tree, "tasks/library/domino/handle/shake_bottle.py", CODE)
     edit(tree, "tasks/listing.py", CODE)
-    edit(tree, "world/simulation.py", "\n# a remark\n")
+    edit(tree, "world/physics/simulation.py", "\n# a remark\n")
     told, built, again, checked, _ = say(
         ("status", out), building(out), building(out), ("verify", out), building(tmp_path / "nothing")
     )

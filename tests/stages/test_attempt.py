@@ -17,7 +17,7 @@ from pipeline.stages.dry_run import FIRST, Variation, dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks.contract import Draw, Placement
-from pipeline.tasks.library.beat_block_hammer import BeatBlockHammer
+from pipeline.tasks.library.domino.press.beat_block_hammer import BeatBlockHammer
 
 BLOCKED = EpisodeSpec("move_can_pot", "franka-panda", 1, 0.1, "clean", 6, 274933442744189389, 2100795939133697876)
 """A can in the corner of its workspace: the hand that comes in level stands where it would have to come from."""

@@ -19,8 +19,8 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.replay import replay
 from pipeline.stages.scene import build_scene, success_time
 from pipeline.world.cameras import cameras_of
-from pipeline.world.recorder import Recorder
-from pipeline.world.simulation import Simulation
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 
 
 @pytest.fixture(scope="module")

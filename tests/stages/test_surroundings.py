@@ -21,7 +21,7 @@ from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import angle_between, inverse, transform, yawed
 from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import Phases, attempt
-from pipeline.stages.render import appearance_of, render, visuals_of
+from pipeline.stages.drawing.render import appearance_of, render, visuals_of
 from pipeline.stages.scene import build_scene
 from pipeline.stages.surroundings import (
     ARM_GAP,
@@ -38,14 +38,14 @@ from pipeline.stages.surroundings import (
     table_drop,
 )
 from pipeline.tasks import middle
-from pipeline.world.body import TABLE_HALF, TABLE_TOP, Body
 from pipeline.world.cameras import cameras_of
+from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.objects import FAMILIES
+from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP, Body
+from pipeline.world.physics.simulation import Simulation
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.varied import raised
-from pipeline.world.simulation import Simulation
-from pipeline.world.visuals import CLEAN
 
 TASKS = ("click_bell", "place_container_plate", "beat_block_hammer", "shake_bottle", "grab_roller", "handover_block")
 

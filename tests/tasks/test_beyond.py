@@ -10,8 +10,8 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.company import others_of
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.drawing.render import appearance_of
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import appearance_of
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks

@@ -7,8 +7,8 @@ from pipeline.data.episode.state_log import CONTACT_DTYPE, Event, StateLog
 from pipeline.data.rules import STRICT, Rules
 from pipeline.poses import compose, pose, quat_about, yawed
 from pipeline.tasks.outcome import Outcome, failed, within
-from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects import FAMILIES
+from pipeline.world.physics.body import TABLE_TOP, Body
 from pipeline.world.robots import get_embodiment
 
 ROBOT = get_embodiment("aloha-agilex")

@@ -26,10 +26,10 @@ from pipeline.tasks.contract import Task, expand_tasks, register
 from pipeline.tasks.language import instructions
 from pipeline.tasks.language_check import check_templates
 from pipeline.tasks.layout import families_of
-from pipeline.world.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.objects import FAMILIES
-from pipeline.world.recorder import Recorder
-from pipeline.world.simulation import Simulation
+from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 
 NAMES = expand_tasks(())
 SEEDS = range(12)

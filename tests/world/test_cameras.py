@@ -6,8 +6,8 @@ import pytest
 from pipeline.data.cameras import CAMERA_TYPES, CameraType, extrinsics_cv, framed, project, visible
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.setup import Setup
-from pipeline.world.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.cameras import CameraError, cameras_of, check_links, observer, wanted_cameras
+from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.forward import arm_poses
 

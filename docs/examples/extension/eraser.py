@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.world.materials import fabric, plastic
+from pipeline.world.looks.materials import fabric, plastic
 from pipeline.world.objects.colliders import box_collider
 from pipeline.world.objects.contract import Family, NamedFrames, Words, register
 from pipeline.world.objects.geometry import at, box

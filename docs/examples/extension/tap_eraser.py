@@ -7,7 +7,7 @@ from pipeline.expert.skills import close, home, lift, press
 from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.body import Body
+from pipeline.world.physics.body import Body
 
 
 @register

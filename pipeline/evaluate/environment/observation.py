@@ -15,9 +15,9 @@ from pipeline.evaluate.environment.reward import NOTHING, Progress
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.evaluate.scenes.views import Sight
 from pipeline.tasks import Draw, Task
-from pipeline.world.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.cameras import setup_cameras
-from pipeline.world.pointcloud import HIGHEST, POINTS
+from pipeline.world.drawing.pointcloud import HIGHEST, POINTS
+from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
 from pipeline.world.robots.contract import Embodiment
 
 Box = gymnasium.spaces.Box

@@ -15,7 +15,7 @@ from pipeline.stages.scene import Scene
 from pipeline.tasks import middle
 from pipeline.tasks.outcome import failed
 from pipeline.world.cameras import cameras_of
-from pipeline.world.simulation import Motion
+from pipeline.world.physics.simulation import Motion
 
 SUCCESS, OUT_OF_VIEW, TIME_LIMIT = "success", "out_of_view", "time_limit"
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
-from pipeline.stages.render import appearance_of, renderer
+from pipeline.stages.drawing.render import appearance_of, renderer
+from pipeline.stages.drawing.sensing import photograph
 from pipeline.stages.scene import Scene
-from pipeline.stages.sensing import photograph
 from pipeline.tasks.language import instructions
 from pipeline.world.cameras import check_links
-from pipeline.world.pointcloud import point_clouds
-from pipeline.world.recorder import Recorder
+from pipeline.world.drawing.pointcloud import point_clouds
+from pipeline.world.physics.recorder import Recorder
 
 
 @dataclass(eq=False)

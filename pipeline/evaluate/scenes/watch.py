@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pipeline.data.episode.state_log import CONTACT_DTYPE, StateLog
 from pipeline.stages.scene import Scene
 from pipeline.tasks.outcome import Outcome
-from pipeline.world.recorder import Recorder
-from pipeline.world.simulation import Simulation
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 
 
 class Watched(Outcome):

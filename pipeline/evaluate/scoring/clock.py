@@ -28,7 +28,7 @@ from pipeline.data.parsing import ParseError, read_json, real
 from pipeline.evaluate.scoring.pace import Join
 from pipeline.motion.company import others_of
 from pipeline.motion.scenery import Prop
-from pipeline.world.simulation import Motion
+from pipeline.world.physics.simulation import Motion
 
 STEP_LOCKED_RATE = 0.1 / 0.06
 """Seconds of target motion a second of robot motion in the original's evaluation."""

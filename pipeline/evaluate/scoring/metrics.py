@@ -15,7 +15,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.evaluate.scenes.trial import FAULTS, OUT_OF_VIEW, SUCCESS, Trial
 from pipeline.stages.holding import held_by
 from pipeline.tasks.outcome import failed
-from pipeline.world.drive import Hold
+from pipeline.world.physics.drive import Hold
 
 OUT_OF_BOUNDS, CLUTTER = 0.5, 0.8
 """Factors of the manipulation score: the target left its workspace or the view; something touched a distractor."""

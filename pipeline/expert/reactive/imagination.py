@@ -12,8 +12,8 @@ from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, MotionStep, Skill
 from pipeline.planning.planner import Planner
 from pipeline.poses import Floats, Pose, compose, inverse
-from pipeline.world.recorder import Recorder
-from pipeline.world.simulation import Simulation
+from pipeline.world.physics.recorder import Recorder
+from pipeline.world.physics.simulation import Simulation
 
 Script = Callable[[Actor], Iterator[Skill]]
 

@@ -12,12 +12,12 @@ from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.html import render_page
 from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.report.contact_sheet import encode
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.drawing.renderer import Renderer
+from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp
 from pipeline.world.objects.geometry import at, box, cylinder
-from pipeline.world.renderer import Renderer
+from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.shapes import Material, Mesh
-from pipeline.world.visuals import CLEAN
 
 Image = NDArray[np.uint8]
 Part = tuple[Mesh, Material]

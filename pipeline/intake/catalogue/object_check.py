@@ -11,10 +11,10 @@ from pipeline.intake.objects.solid import inside
 from pipeline.intake.objects.source import TRIANGLES as OF_A_FILE
 from pipeline.intake.objects.standing import first_of
 from pipeline.poses import Pose, pose, quat_rotate
-from pipeline.world.body import TABLE_TOP, Body
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, stands_for
 from pipeline.world.objects.words import SEEN, UNSEEN
-from pipeline.world.scene_building import add_body, add_table
+from pipeline.world.physics.body import TABLE_TOP, Body
+from pipeline.world.physics.scene_building import add_body, add_table
 from pipeline.world.shapes import Collider, Shape
 
 INSTANCES, BUILT = 20, 5  # instances drawn, and how many of them are built and put on a table

@@ -23,14 +23,14 @@ from pipeline.report.contact_sheet import encode
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.cameras import cameras_of
+from pipeline.world.drawing.renderer import Renderer
+from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.objects.geometry import cylinder
-from pipeline.world.renderer import Renderer
+from pipeline.world.physics.scene_building import add_arm, to_sapien
 from pipeline.world.robots import RobotError, get_embodiment
 from pipeline.world.robots.contract import Embodiment, coupled_value, jaw_positions, jaw_value
 from pipeline.world.robots.forward import arm_poses
-from pipeline.world.scene_building import add_arm, to_sapien
 from pipeline.world.shapes import Material, Mesh
-from pipeline.world.visuals import CLEAN
 
 MOST_REACH = 0.5  # of the own half, below which most layouts are out of reach
 CAN = 0.04  # m, diameter

@@ -16,7 +16,7 @@ from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionScene, CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
 from pipeline.poses import compose, frame, pose, quat_about, quat_rotate, transform
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment
 from pipeline.world.robots.forward import arm_poses
 from pipeline.world.robots.notation import HEAD_CAMERA

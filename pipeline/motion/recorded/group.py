@@ -1,7 +1,7 @@
 """The arrays of the group `interception` of an episode file: what its physics says about the meeting, by key below the group.
 
 First contacts stand in the group, too; the state log carries them (StateLog.touches). Tracks of the objects in the images are added
-where the images are drawn (stages/tracks.py).
+where the images are drawn (stages/drawing/tracks.py).
 """
 
 from collections.abc import Mapping

@@ -11,7 +11,7 @@ from pipeline.run.doctor.machine import Result, driver_advice
 
 FRAME = """
 import json, time
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 device = ensure_renderer()
 import numpy as np
 from pipeline.intake.catalogue.gallery import portrait

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from importlib import metadata
 
-from pipeline.annotate.models import ALIASES, resolve
+from pipeline.annotate.networks.models import ALIASES, resolve
 from pipeline.annotate.options import FeatureOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.run.doctor.machine import Result

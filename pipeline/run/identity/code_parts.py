@@ -26,7 +26,7 @@ from pipeline.world.robots import MODELS, OURS
 from pipeline.world.robots.directory import content_key
 
 CORE = ("pipeline.stages.attempt", "pipeline.motion.recorded.group")
-DRAWING = ("pipeline.stages.render", "pipeline.stages.tracks")
+DRAWING = ("pipeline.stages.drawing.render", "pipeline.stages.drawing.tracks")
 STANDS = ("pipeline.world.robots.stands",)
 READING = ("pipeline.world.objects.from_files",)
 LANGUAGE = ("pipeline.tasks.language", "pipeline.world.objects.words")
@@ -34,10 +34,10 @@ LANGUAGE = ("pipeline.tasks.language", "pipeline.world.objects.words")
 REGISTERED = ("pipeline.tasks.library", "pipeline.world.objects.families", "pipeline.motion.models")
 """Packages whose modules register themselves: the core imports them all, a slot uses a few, which are parts of their own."""
 
+_SURFACES = ("materials", "textures", "visuals", "patterns", "tabletops", "walls", "prints", "png")
 LOOKS = (
-    *("pipeline.world.materials", "pipeline.world.textures", "pipeline.world.visuals", "pipeline.world.room"),
-    *("pipeline.world.patterns", "pipeline.world.tabletops", "pipeline.world.walls"),
-    *("pipeline.world.prints", "pipeline.world.png", "pipeline.data.brought"),
+    *(f"pipeline.world.looks.{name}" for name in _SURFACES),
+    *("pipeline.world.drawing.room", "pipeline.data.brought"),
 )
 """Modules that give bodies their look and cannot move anything: they count for the images only."""
 
@@ -124,7 +124,7 @@ def drawing_parts(root: Path) -> dict[str, str]:
     drawing = sources.closure(root, DRAWING, (*REGISTERED, *LANGUAGE, *NEUTRAL))
     return {
         "renderer": sources.sources_hash(root, drawing),
-        "shaders": _files_hash(root, "world/shaders"),
+        "shaders": _files_hash(root, "world/drawing/shaders"),
         "packages": _packages(root, drawing),
     }
 
@@ -142,16 +142,17 @@ def _looks(root: Path, task: str, embodiment: str, randomized: bool) -> str:
 def _language(root: Path, task: str) -> dict[str, str]:
     named = families_of(TASKS[task])
     return {
-        "phrases": _phrases(root, "/".join(str(TASKS[task].__module__).split(".")[1:-1]), TASKS[task], task),
-        "descriptions": digest({name: _phrases(root, "world/objects", FAMILIES[name], name) for name in sorted(named)}),
+        "phrases": _phrases(root, TASKS[task], task),
+        "descriptions": digest({name: _phrases(root, FAMILIES[name], name) for name in sorted(named)}),
         "grammar": sources.sources_hash(root, LANGUAGE),
     }
 
 
-def _phrases(root: Path, folder: str, item: object, name: str) -> str:
-    """Hash of the phrases of a task or a family: of the package, or of a plugin, beside whose module they are or in it."""
+def _phrases(root: Path, item: object, name: str) -> str:
+    """Hash of the phrases of a task or a family, which are beside its module or, of a plugin, in it."""
     module = str(item.__module__)
     if module in sources.modules(root):
+        folder = "/".join(module.split(".")[1:-1])
         return _files_hash(root, f"{folder}/phrases/{name}.txt")
     text = Path(str(sys.modules[module].__file__)).parent / "phrases" / f"{name}.txt"
     return digest([text.read_text("utf-8") if text.is_file() else "", sources.source(root, module).hash])

@@ -18,7 +18,7 @@ from pipeline.plugins import outside_modules
 
 PACKAGE = pipeline.__name__
 
-TEXTS = ("assets/robots", "world/shaders", "tasks/library/phrases", "tasks/library/beyond/phrases", "world/objects/phrases")
+TEXTS = ("assets/robots", "world/drawing/shaders", "tasks/library", "world/objects/families")
 """Directories of the package with files that are no modules and count as sources."""
 
 NUMERIC = {
@@ -53,9 +53,10 @@ def modules(root: Path) -> dict[str, Path]:
 
 
 def files(root: Path, where: str) -> list[Path]:
-    """Every file at or below a path of the package, sorted."""
+    """Every file at or below a path of the package that is no module, sorted."""
     path = root / where
-    return sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path] if path.is_file() else []
+    below = path.rglob("*") if path.is_dir() else [path]
+    return sorted(f for f in below if f.is_file() and f.suffix not in (".py", ".pyc"))
 
 
 @cache

@@ -18,8 +18,8 @@ from pipeline.report.summary import failed_folder
 from pipeline.run.slot.make import draw, episode_of, write
 from pipeline.stages import dry_run, react, replay
 from pipeline.stages.attempt import Phases, Rollout
+from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import appearance_of, render
 from pipeline.stages.scene import build_scene
 
 _LAST = (replay.STAGE, react.STAGE)

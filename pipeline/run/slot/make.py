@@ -26,10 +26,10 @@ from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded.group import TRACKS, physics_arrays
 from pipeline.motion.recorded.interception import Interception
 from pipeline.stages.attempt import Phases, Rollout
-from pipeline.stages.render import Appearance, appearance_of, capture, keep
+from pipeline.stages.drawing.render import Appearance, appearance_of, capture, keep
+from pipeline.stages.drawing.tracks import track_arrays
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.stages.surroundings import table_drop
-from pipeline.stages.tracks import track_arrays
 from pipeline.tasks.language import instructions
 
 

@@ -18,10 +18,10 @@ from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
 from pipeline.run.slot.running import send_slot
 from pipeline.stages.attempt import Phases
-from pipeline.stages.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
-from pipeline.stages.render import images_of as surfaces_of
-from pipeline.stages.sensing import sensing_of
-from pipeline.world.appearance import load_parts
+from pipeline.stages.drawing.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
+from pipeline.stages.drawing.render import images_of as surfaces_of
+from pipeline.stages.drawing.sensing import sensing_of
+from pipeline.world.looks.appearance import load_parts
 from pipeline.world.shapes import Parts
 
 KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots and some objects, about 0.1 MB each

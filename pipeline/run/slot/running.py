@@ -14,7 +14,7 @@ from pipeline.data.recipe.model import Slot
 from pipeline.data.store.mirror import delete_uploaded, mirror_of, upload
 from pipeline.report.summary import failed_folder
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 RENEWAL = -1  # stands for the number of an attempt where a stored episode's images or sentences are made again
 _SUFFIX = ".running"

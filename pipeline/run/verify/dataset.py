@@ -29,7 +29,7 @@ from pipeline.run.verify import layout
 from pipeline.run.verify.episode import Judged, judge_episode, judge_images, other_device
 from pipeline.run.verify.stored import check_assets, check_export, check_stage, exports_of
 from pipeline.run.verify.tally import Finding, Tally
-from pipeline.world.vulkan import ensure_renderer
+from pipeline.world.drawing.vulkan import ensure_renderer
 
 CONTACT_SECONDS, CONTACT_METRES = 0.1, 0.01
 EPISODE_SECONDS = 600.0  # what judging one episode may take before its worker counts as hung

@@ -23,8 +23,8 @@ from pipeline.run.slot.redraw import cached_parts
 from pipeline.run.verify.arrays import check_arrays, check_images
 from pipeline.run.verify.physics import CHECKS, Physics
 from pipeline.run.verify.tally import FAULTS, Finding, count_checks, line, named, observe
+from pipeline.stages.drawing.render import capture, stored_appearance
 from pipeline.stages.failure import Failure
-from pipeline.stages.render import capture, stored_appearance
 
 AGAIN = "run the build again"
 

@@ -25,9 +25,9 @@ from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.slot.make import sentences
 from pipeline.run.slot.redraw import cached_parts
 from pipeline.run.verify.tally import Finding, observe
-from pipeline.stages.render import body_poses, stored_appearance
+from pipeline.stages.drawing.render import body_poses, stored_appearance
+from pipeline.stages.drawing.tracks import track_arrays
 from pipeline.stages.scene import Scene, build_scene
-from pipeline.stages.tracks import track_arrays
 from pipeline.world.robots.contract import jaw_value
 from pipeline.world.robots.forward import link_poses
 

@@ -1,7 +1,7 @@
-"""The tasks, one file each, with their sentences in phrases/. Every module of this package is imported here."""
+"""The tasks by suite and kind, one file each, with their sentences in phrases/. Every module below is imported here."""
 
 import importlib
 import pkgutil
 
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
+for _module in pkgutil.walk_packages(__path__, f"{__name__}."):
+    importlib.import_module(_module.name)

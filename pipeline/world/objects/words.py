@@ -1,14 +1,13 @@
-"""Descriptions of an instance: phrases of its family in phrases/<family>.txt, filled with facts that its parameters fix."""
+"""Descriptions of an instance: phrases/<family>.txt beside its family's module, filled with facts that its parameters fix."""
 
 import re
 import sys
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from string import Formatter
 
 from pipeline.data.errors import DominoError
+from pipeline.registry import UnknownName
 from pipeline.world.objects.contract import FAMILIES, Words
 
 SEEN, UNSEEN = 12, 3
@@ -39,20 +38,14 @@ def describe(family: str, noun: str, **facts: str) -> Words:
     return Words(noun, *splits)
 
 
-def _folder(family: str) -> Traversable:
-    """Where the phrases of a family are: in the package, or beside the module of a family from outside."""
-    module = FAMILIES[family].__module__ if family in FAMILIES else __name__
-    inside = module.startswith("pipeline.")
-    return files("pipeline.world.objects") if inside else Path(str(sys.modules[module].__file__)).parent
-
-
 @cache
 def read_phrases(family: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Seen and unseen phrases of a family. Raises LanguageError, naming the file, where it is missing or malformed."""
     where = f"phrases/{family}.txt"
     try:
-        text = _folder(family).joinpath(where).read_text("utf-8")
-    except FileNotFoundError as missing:
+        folder = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).parent
+        text = folder.joinpath(where).read_text("utf-8")
+    except (FileNotFoundError, UnknownName) as missing:
         raise LanguageError(f"object family {family!r} has no descriptions: write {where}") from missing
     return two_lists(text, where)
 

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.annotate.masks import pack
+from pipeline.annotate.networks.masks import pack
 from pipeline.annotate.stage import encoded_frames, frames_inputs, sim_reading
 from pipeline.annotate.store import write_entry, write_stage
 from pipeline.data.annotations import Entry, annotation_path

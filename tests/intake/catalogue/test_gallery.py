@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pipeline.intake.catalogue.gallery import portrait, write_gallery
-from pipeline.world.materials import PALETTE
+from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
+from pipeline.world.looks.materials import PALETTE
 from pipeline.world.objects import FAMILIES
-from pipeline.world.objects.families.block import Block
-from pipeline.world.vulkan import NoRenderer, ensure_renderer
+from pipeline.world.objects.families.toys.block import Block
 
 try:
     ensure_renderer()

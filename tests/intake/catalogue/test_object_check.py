@@ -10,7 +10,7 @@ from pipeline.intake.catalogue.objects import listing
 from pipeline.poses import pose
 from pipeline.world.objects import FAMILIES, NamedFrames, Words
 from pipeline.world.objects.colliders import box_collider, sphere_collider
-from pipeline.world.objects.families.block import Block
+from pipeline.world.objects.families.toys.block import Block
 from pipeline.world.objects.geometry import at, sphere
 
 

@@ -13,7 +13,7 @@ from pipeline.data.store.user_cache import CACHE
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot import running
 from pipeline.run.slot.running import NodeCheck
-from pipeline.world.vulkan import NoRenderer
+from pipeline.world.drawing.vulkan import NoRenderer
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.poses import compose, inverse, pose, quat_about, quat_rotate, yawed
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.physics.body import TABLE_TOP
 from tests.tasks.library.take import (
     ARM,
     PUT,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.poses import pose, quat_about
-from pipeline.world.body import TABLE_TOP
+from pipeline.world.physics.body import TABLE_TOP
 from tests.tasks.library.take import (
     OTHER,
     PEAK,

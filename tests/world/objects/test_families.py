@@ -11,10 +11,10 @@ import pytest
 import sapien
 
 from pipeline.poses import quat_rotate
-from pipeline.world.materials import PALETTE, WOODS
+from pipeline.world.looks.materials import PALETTE, WOODS
 from pipeline.world.objects import FAMILIES, Family
 from pipeline.world.shapes import Shape
-from tests.world.coplanar import coplanar
+from tests.world.drawing.coplanar import coplanar
 from tests.world.objects.rays import Line, merged, prepare
 
 NAMES = sorted(FAMILIES)

@@ -5,9 +5,9 @@ import pytest
 import sapien
 
 from pipeline.poses import compose, frame, inverse, pose, quat_rotate, transform
-from pipeline.tasks.library.place_phone_stand import GAP
+from pipeline.tasks.library.domino.set_down.place_phone_stand import GAP
 from pipeline.world.objects import FAMILIES
-from pipeline.world.objects.families.cabinet import Cabinet
+from pipeline.world.objects.families.containers.cabinet import Cabinet
 from tests.world.objects.test_families import add, rng
 
 SEEDS = range(6)

@@ -1,7 +1,10 @@
-"""The object families, a file each (or a few of a kind). Every module of this package is imported here and registers its own."""
+"""The object families by kind, a file each (or a few of a kind), with their descriptions in phrases/.
+
+Every module below is imported here and registers its own.
+"""
 
 import importlib
 import pkgutil
 
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
+for _module in pkgutil.walk_packages(__path__, f"{__name__}."):
+    importlib.import_module(_module.name)

@@ -1,0 +1,22 @@
+"""place_cup_turntable: stand a cup on a coaster that turns on a turntable."""
+
+from collections.abc import Iterator
+
+from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.library.domino.set_down.place_empty_cup import PlaceEmptyCup
+
+
+@register
+class PlaceCupTurntable(PlaceEmptyCup):
+    """Grasp an empty cup and stand it on a coaster that a turntable carries round.
+
+    Success: that of `place_empty_cup`.
+    """
+
+    motion = "turntable"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        yield Placement("cup", draw.one_of("cup"), Region(x=(side * 0.26, side * 0.32), y=(-0.20, 0.05), yaw=(-3.14, 3.14)))
+        coaster = Region(x=(side * 0.02, side * 0.10), y=(-0.20, 0.05))
+        yield Placement("coaster", draw.one_of("coaster"), coaster, distances={"cup": 0.16})

@@ -1,0 +1,27 @@
+"""stand_handed_object: take what a hand holds out, and stand it on a pad."""
+
+from collections.abc import Iterator
+
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.library.beyond.place.stand_on import StandOn
+from pipeline.world.physics.body import TABLE_TOP
+
+
+@register
+class StandHandedObject(StandOn):
+    """Grasp a can or a pill bottle that a flat hand brings, and stand it on a pad.
+
+    Success: that of `StandOn`.
+    """
+
+    target = manipulated = "object"
+    motion = "handed"
+    workspace = Workspace(-0.40, 0.40, -0.25, 0.30)
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.08, 0.14)
+        air = Region(x=(side * 0.05, side * 0.18), y=(-0.15, 0.0), yaw=(-3.14, 3.14), z=z)
+        yield Placement("object", draw.one_of("can", "pill_bottle"), air, borne=True)
+        pad = draw.one_of("pad", half=(0.05, 0.05), thickness=0.004)
+        yield Placement("pad", pad, Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)), distances={"object": 0.14})

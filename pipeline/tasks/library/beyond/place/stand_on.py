@@ -1,0 +1,49 @@
+"""Take what moves in the air or on a ramp, and stand it on something: what four tasks share."""
+
+from collections.abc import Iterator, Sequence
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.regrasping import place_or_regrasp
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
+from pipeline.poses import Pose
+from pipeline.tasks.contract import Limit, by_name
+from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
+from pipeline.tasks.outcome import Outcome, within
+
+
+class StandOn(PickFromBelt):
+    """Grasp the target by one of `kinds` of grasps, draw it `away` (3,) m, and stand it on body `support` within reach.
+
+    Success: its base is within 3.5 cm (plane, per axis) and 1.5 cm (height) of the middle of the support, on which it rests
+    upright; no arm touches it, both grippers are measured open.
+    """
+
+    kinds: Sequence[str] | None = None
+    away: tuple[float, float, float] = (0.0, 0.0, 0.10)
+    support = "pad"
+    limits = by_name(plane=Limit(0.035), height=Limit(0.015), tilt=Limit(0.26, unit="rad"))
+
+    def _onto(self, a: Actor) -> Pose:
+        return a.frame(self.support, "centre")
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goals = resting_poses(a.frames(self.target)["base"], self._onto(a), ROUND)
+        yield grasp(a.arms["arm"], self.target, kinds=self.kinds, goals=[list(goals)])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield shift(arm, self.away)
+        yield place_or_regrasp(arm, "base", self._onto(a), yaws=ROUND)
+        yield from let_go(arm)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        d = o.offset(o.frame(self.target, "base"), o.frame(self.support, "centre"))
+        return {
+            "centred": within(d[:2], limit["plane"]),
+            "at_height": within(d[2], limit["height"]),
+            "upright": o.upright(self.target, limit["tilt"]),
+            **o.resting(self.target, self.support),
+            "grippers_open": o.grippers_open(),
+        }

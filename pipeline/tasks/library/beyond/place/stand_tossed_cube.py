@@ -1,0 +1,25 @@
+"""stand_tossed_cube: catch a puzzle cube at the top of its flight, and stand it on a pad."""
+
+from collections.abc import Iterator
+
+from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.library.beyond.place.stand_on import StandOn
+from pipeline.world.physics.body import TABLE_TOP
+
+
+@register
+class StandTossedCube(StandOn):
+    """Close the gripper on a puzzle cube that a plate tosses up, at the top of its flight, and set it down on a pad.
+
+    Success: that of `StandOn`.
+    """
+
+    target = manipulated = "cube"
+    motion = "toss"
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.12, 0.20)
+        air = Region(x=(side * 0.05, side * 0.18), y=(-0.18, -0.05), yaw=(-0.7, 0.7), z=z)
+        yield Placement("cube", draw.one_of("rubiks_cube"), air)
+        pad = draw.one_of("pad", half=(0.055, 0.055), thickness=0.004)
+        yield Placement("pad", pad, Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0)), distances={"cube": 0.14})

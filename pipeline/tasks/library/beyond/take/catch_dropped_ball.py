@@ -1,0 +1,51 @@
+"""catch_dropped_ball: catch a ball that falls, in a skillet."""
+
+from collections.abc import Iterator
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, grasp, lift, pause, place, resting_poses
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import TRACKING, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.outcome import Outcome, within
+from pipeline.world.physics.body import TABLE_TOP
+
+
+@register
+class CatchDroppedBall(Task):
+    """Grasp a skillet and bring it from below to where a ball that a carrier drops will be.
+
+    Success: the ball lies within 8 cm (plane, per axis) and 3 cm (height) of the middle of the skillet's inside; both fingers of
+    the acting arm hold the skillet, which is off the table.
+    """
+
+    category = TRACKING
+    step_limit = 500
+    target, manipulated, falls = "ball", "skillet", "ball"
+    motion = "drop"
+    workspace = Workspace(-0.35, 0.35, -0.25, 0.20)
+    limits = by_name(plane=Limit(0.08), height=Limit(0.03))
+    own_conditions = ()
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side, z = draw.side(), TABLE_TOP + draw.uniform(0.14, 0.19)
+        yield Placement("skillet", draw.one_of("skillet"), Region(x=(side * 0.15, side * 0.25), y=(-0.12, 0.05), yaw=(-0.5, 0.5)))
+        air = Region(x=(side * 0.06, side * 0.16), y=(-0.18, -0.05), z=z)
+        yield Placement(self.target, draw.one_of(self.falls), air, distances={"skillet": 0.10}, gap=0.0)
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        arm, ball = a.arms["arm"], a.pose(self.target)
+        yield grasp(arm, "skillet", kinds=("handle",), goals=[list(resting_poses(a.frames("skillet")["centre"], ball, ROUND))])
+        yield lift(arm, 0.03)
+        yield place(arm, "centre", ball, yaws=ROUND, above=0.07, press=0.01, out=(0, 0, -1))
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield pause(a.arms["arm"], 0.6)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        d = o.offset(o.pose(self.target), o.frame("skillet", "centre"))
+        return {
+            "inside": within(d[:2], limit["plane"]) and within(d[2], limit["height"]),
+            "held": o.holds(arms["arm"], "skillet"),
+            "off_table": not o.touching("skillet", "table"),
+        }

@@ -1,0 +1,28 @@
+"""stop_one_of_two_balls: pick up one of two balls that roll."""
+
+from collections.abc import Iterator
+from typing import cast
+
+from pipeline.tasks.contract import Draw, Placement, Region, register
+from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
+from pipeline.world.objects.families.toys.play_ball import PlayBall
+
+
+@register
+class StopOneOfTwoBalls(PickFromBelt):
+    """Close the gripper on the ball of the colour asked for, while another one rolls across the table too, and lift it.
+
+    Success: that of `pick_from_belt`, for that ball.
+    """
+
+    target = manipulated = "ball"
+    motion, movers = "rolling", {"other": "rolling"}
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side, ball = draw.side(), cast(PlayBall, draw.one_of("play_ball"))
+        other = cast(PlayBall, draw.one_of("play_ball"))
+        while other.colour == ball.colour:
+            other = cast(PlayBall, draw.one_of("play_ball"))
+        near = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
+        yield Placement("ball", ball, near)
+        yield Placement("other", other, Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=(-3.14, 3.14)), distances={"ball": 0.14})

@@ -1,0 +1,48 @@
+"""grab_roller: catch a moving roller with both arms."""
+
+from collections.abc import Iterator
+
+from pipeline.data.names import SIDES
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import grasp, lift, together
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+
+@register
+class GrabRoller(Task):
+    """Catch a moving rolling pin at both ends at the same time and lift it level.
+
+    Success: Both arms hold the roller with both fingers, with grippers commanded to be closed, 6 cm or more above where it lay. The
+    original requires 5 cm above the place of the interception and an absolute height of 0.8 m, which is 6 cm above its table. That
+    is at most 6 cm above its roller's origin at rest (it is placed at 0.741 m; the height at rest is not recorded).
+    """
+
+    category = INTERCEPTION
+    target = "roller"
+    workspace = Workspace(-0.35, 0.35, -0.30, 0.10)
+    limits = by_name(rise=Limit(0.06, 0.05))
+    own_conditions = ()
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("roller", draw.one_of("roller"), Region(x=(-0.15, 0.15), y=(-0.25, -0.05), yaw=(-0.8, 0.8)))
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"left": "left", "right": "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield together(*(grasp(side, "roller", kinds=(f"{side}_end",), pitch=1.0) for side in SIDES))
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        yield together(lift("left", 0.12), lift("right", 0.12))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        return {
+            "held_by_left": o.holds(arms["left"], "roller"),
+            "held_by_right": o.holds(arms["right"], "roller"),
+            "grippers_closed": all(o.closes(side) for side in arms.values()),
+            "lifted": o.rise("roller") > limit["rise"],
+        }

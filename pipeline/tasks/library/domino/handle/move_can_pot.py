@@ -1,0 +1,65 @@
+"""move_can_pot: catch a moving sauce can and stand it beside the pot."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
+from pipeline.motion.workspace import Workspace
+from pipeline.poses import Pose
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.outcome import Outcome, within
+from pipeline.world.physics.body import TABLE_TOP
+
+
+@register
+class MoveCanPot(Task):
+    """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm that caught it.
+
+    The can stands 30 cm or more from the middle of the pot, as in the original: in a corner of the region below, beyond x = 26 cm.
+
+    Success: The can is upright on the table on that side of the pot, less than 20 cm from its middle in x and 3.5 cm in y. Its base
+    is no more than 1 mm above the pot's at the start (all as in the original). It is at rest after a lift of 3 cm, and both
+    grippers are measured open. The original bounds roll and pitch by 15 degrees each; this bounds the tilt.
+    """
+
+    category = INTERCEPTION
+    target = "can"
+    workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
+    limits = by_name(far=Limit(0.20), across=Limit(0.035), tilt=Limit(0.26, 0.2618, "rad"), height=Limit(0.001), lift=Limit(0.03))
+    own_conditions = ("on_table", "at_rest", "released")
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("pot", draw.one_of("pot"), Region(x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-np.pi / 8, np.pi / 8)))
+        can = Region(x=(-0.30, 0.30), y=(0.05, 0.15), yaw=(-0.79, 0.79), away_from_centre=0.20)
+        yield Placement("can", draw.one_of("sauce_can"), can, distances={"pot": 0.30})
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        goals = resting_poses(a.frames("can")["base"], self._beside(a), ROUND)
+        yield grasp(a.arms["arm"], "can", goals=[list(goals)], standoff=0.06)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm = a.arms["arm"]
+        yield lift(arm, 0.10)
+        yield place(arm, "base", self._beside(a), yaws=ROUND, above=0.06)
+        yield from let_go(arm)
+
+    def _beside(self, a: Actor) -> Pose:
+        """Where the can shall stand: 18 cm out from the pot's middle."""
+        x, y, _ = a.pose("pot")[:3]
+        return upright_goal((x + (-0.18 if a.arms["arm"] == "left" else 0.18), y, TABLE_TOP))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        dx, dy, _ = o.offset(o.pose("can"), o.pose("pot"))
+        return {
+            "on_arm_side": bool(dx < 0 if arms["arm"] == "left" else dx > 0),
+            "at_distance": within(dx, limit["far"]),
+            "in_line": within(dy, limit["across"]),
+            "upright": o.upright("can", limit["tilt"]),
+            "at_height": bool(o.pose("can")[2] - o.pose("pot", 0)[2] < limit["height"]),
+            **o.resting("can", "table"),
+            "grippers_open": o.grippers_open(),
+        }

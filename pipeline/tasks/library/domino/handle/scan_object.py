@@ -1,0 +1,103 @@
+"""scan_object: catch a moving box and hold it in front of a scanner in the other hand."""
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, carry, face, first_of, grasp, lift, lift_clear, upright_goal
+from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.outcome import Outcome, within
+from pipeline.world.physics.body import TABLE_TOP, Body
+
+FROM_CENTRE = (0.058, 0.052)
+"""Distances (m) of the scanner's window from the middle of the box when it scans."""
+
+TILTS = (0.0, 0.35, -0.35, 0.7)
+"""Turns (rad) of the scanner about its level axis; positive ones make it look down."""
+
+
+@register
+class ScanObject(Task):
+    """Catch a moving tea box with the arm beside it, take the scanner with the other arm, and scan the box in the air.
+
+    Success: The middle of the box is within 2.5 cm (per axis) of the ray out of the scanner's window and less than 7 cm in front of
+    it (the original's tolerances). Both grippers are commanded to be closed. Both bodies are held by their arms, 5 cm or more above
+    where they began. Regions are the original's; box and scanner keep 5 cm apart. The scanner's window faces away from the robot
+    within 1.2 rad, on either side of the table.
+    """
+
+    category = INTERCEPTION
+    step_limit = 500
+    target = "box"
+    limits = by_name(plane=Limit(0.025), far=Limit(0.07), rise=Limit(0.05), lift=Limit(0.03))
+    own_conditions = ("held", "scanner_held", "lifted", "scanner_lifted")
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        scanner = Region(x=(side * 0.05, side * 0.25), y=(-0.15, -0.05), yaw=(np.pi - 1.2, np.pi + 1.2))
+        yield Placement("scanner", draw.one_of("scanner"), scanner)
+        box = Region(x=(side * -0.25, side * -0.05), y=(-0.20, 0.0), yaw=(-1.2, 1.2))
+        yield Placement("box", draw.one_of("tea_box"), box, gap=0.05)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        arm = side_of(bodies["box"])
+        return {"arm": arm, "scan_arm": "left" if arm == "right" else "right"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        yield grasp(a.arms["arm"], "box", goals=[list(self._shown(a.arms["arm"]))])
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        arm, scan = a.arms["arm"], a.arms["scan_arm"]
+        yield lift(arm, 0.13)
+        shown = self._shown(arm)
+        yield carry(arm, shown)
+        scans = self._scans(a, a.pose("box"))
+        yield grasp(scan, "scanner", goals=[list(scans)], pitch=0.3)
+        yield lift_clear(scan, 0.10)
+        yield first_of(carry(scan, scans), face(arm, shown, scan, lambda box: self._scans(a, box)))
+
+    def _shown(self, arm: str) -> np.ndarray:
+        """Poses (N,7) in which the box is held up, a little to the side of its arm."""
+        s = 1 if arm == "right" else -1
+        return np.stack(
+            [
+                upright_goal((s * x, y, TABLE_TOP + z), yaw)
+                for z in (0.18, 0.14, 0.22)
+                for x in (0.0, 0.03, -0.03)
+                for y in (-0.03, -0.07)
+                for yaw in ROUND
+            ]
+        )
+
+    def _scans(self, a: Actor, box: Pose) -> np.ndarray:
+        """Poses (N,7) of the scanner from many sides, with its window in front of the middle of the box at the pose `box`.
+
+        The scanner is upright or nearly so, and 6 cm or more above the table."""
+        middle, window = self._middle(box, a.bodies), a.frames("scanner")["window"]
+        s = 1 if a.arms["scan_arm"] == "right" else -1
+        found = []
+        for distance, tilt, turn in product(FROM_CENTRE, TILTS, (0.2, 0.4, 0.0, 0.6, -0.2, 0.8, -0.4, 1.0, 1.2, -0.6)):
+            heading = np.arctan2(0.0, -s) - s * turn  # from the scanner's side towards the box, or from nearer to the robot
+            stands = quat_multiply(quat_about((0, 0, 1), heading + np.pi / 2), quat_about((1, 0, 0), tilt))
+            ahead = quat_rotate(stands, [0, -1.0, 0])  # the window looks along -y of the scanner
+            found.append(pose(middle - distance * ahead - quat_rotate(stands, window[:3]), stands))
+        return np.stack([p for p in found if p[2] > TABLE_TOP + 0.06])
+
+    def _middle(self, box: Pose, bodies: dict[str, Body]) -> np.ndarray:
+        return transform(box, bodies["box"].instance.frames()["top"][:3] / 2)
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        x, y, z = transform(inverse(o.frame("scanner", "window")), self._middle(o.pose("box"), dict(o.bodies)))
+        return {
+            "on_ray": within((x, y), limit["plane"]),
+            "at_distance": bool(0 < z < limit["far"]),
+            "grippers_closed": all(o.closes(side) for side in arms.values()),
+            "held": o.holds(arms["arm"], "box"),
+            "scanner_held": o.holds(arms["scan_arm"], "scanner"),
+            "lifted": o.rise("box") > limit["rise"],
+            "scanner_lifted": o.rise("scanner") > limit["rise"],
+        }

@@ -1,0 +1,34 @@
+"""What tasks share that put a moving object in a basket and lift that with the other arm."""
+
+from pipeline.motion.workspace import Workspace
+from pipeline.tasks.contract import INTERCEPTION, Limit, Task, by_name, side_of
+from pipeline.tasks.outcome import Outcome
+from pipeline.world.physics.body import Body
+
+
+class IntoBasket(Task):
+    """The target is caught by the `arm` beside it and put in the body "basket", which the `lifter` holds up."""
+
+    category = INTERCEPTION
+    step_limit = 700
+    workspace = Workspace(-0.35, 0.35, -0.15, 0.25)
+    limits = by_name(rise=Limit(0.02), tilt=Limit(1.047, unit="rad"), plane=Limit(0.10), sum=Limit(0.15), lift=Limit(0.03))
+    own_conditions = ("basket_held",)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        arm = side_of(bodies[self.target])
+        return {"arm": arm, "lifter": "left" if arm == "right" else "right"}
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        x, y, z = o.offset(o.pose(self.target), o.pose("basket"))
+        return {
+            "basket_lifted": o.rise("basket") > limit["rise"],
+            "lifted": o.rise(self.target) > limit["rise"],
+            "basket_upright": o.upright("basket", limit["tilt"]),
+            "centred": bool(x * x + y * y < limit["plane"] ** 2),
+            "at_distance": bool(abs(x) + abs(y) + abs(z) < limit["sum"]),
+            "on_basket": o.touching(self.target, "basket"),
+            "off_table": not o.touching(self.target, "table"),
+            "basket_held": o.holds(arms["lifter"], "basket"),
+        }

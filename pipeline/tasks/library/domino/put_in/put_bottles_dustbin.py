@@ -1,0 +1,97 @@
+"""put_bottles_dustbin: catch a moving bottle and drop it into the dustbin at the left side of the table."""
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+
+from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.skills import ROUND, carry, grasp, hand_over, home, lift, open_, retreat, upright_goal
+from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
+from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
+from pipeline.tasks.outcome import Outcome, within
+from pipeline.world.objects.families.goods.bottle import BODY
+from pipeline.world.physics.body import TABLE_TOP, Body
+
+
+@register
+class PutBottlesDustbin(Task):
+    """Catch a moving bottle and drop it into the dustbin beside the table, with the left arm.
+
+    A bottle on the right is caught by the right arm by its upper part and handed over in the air to the left one, which takes it
+    lower down.
+
+    Success: The bottle is below the rim and within the outline of the dustbin after a lift of 3 cm, and no arm touches it. The
+    original requires a box of 44 x 65 cm around the bin's middle and a height of 0.2 to 0.7 m, which is 7 to 57 cm above the floor
+    of its bin. Our bin has its floor at 1 cm, so that lower end would refuse a bottle that is in the bin. Without it the box, which
+    is wider than the bin, contains a bottle on the floor beside it. Therefore domino rules require the outline, too. There is one
+    bottle, in the region of the original's dynamic version. The original shifts the table by 30 cm to the right, so its bin is at x
+    = -45 cm. Here the table stays, and the bin is on the floor at its left edge, about 39 cm farther out, within reach of all
+    robots.
+    """
+
+    category = INTERCEPTION
+    step_limit = 1700
+    target = "bottle"
+    limits = by_name(outline_x=Limit(0.221), outline_y=Limit(0.325), least=Limit(0.005), depth=Limit(0.57), lift=Limit(0.03))
+    own_conditions = ("below_rim", "released", "was_lifted")
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        yield Placement("dustbin", draw.one_of("dustbin"), Region(x=(-0.85, -0.84), y=(-0.15, -0.05), z=0.0), fixed=True)
+        bottle = Region(x=(-0.25, 0.30), y=(0.03, 0.23), away_from_centre=0.05)
+        yield Placement("bottle", draw.one_of("bottle"), bottle)
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
+        return {"arm": side_of(bodies["bottle"]), "dropper": "left"}
+
+    def meet(self, a: Actor) -> Iterator[Skill]:
+        if a.arms["arm"] == "left":
+            yield grasp("left", "bottle", kinds=BODY, goals=[list(self._over_the_bin(a))], pitch=0.4)
+        else:
+            yield grasp("right", "bottle", kinds=("neck", "high"), goals=[list(self._exchange())], pitch=0.4)
+
+    def finish(self, a: Actor) -> Iterator[Skill]:
+        if a.arms["arm"] == "right":
+            yield lift("right", 0.10)
+            yield hand_over("right", "left", self._exchange(), kinds=("low", "side"), goals=[list(self._over_the_bin(a))])
+            yield open_("right")
+            yield retreat("right", 0.08)
+            yield home("right")
+        else:
+            yield lift("left", 0.12)
+        yield carry("left", self._over_the_bin(a))
+        yield open_("left")
+
+    def _exchange(self) -> np.ndarray:
+        """Poses (N,7) of the bottle at which it may change hands: upright in the air, near the middle of the table."""
+        spots = product(ROUND, (0.12, 0.16, 0.20), (-0.10, -0.05, -0.15), (0.0, -0.05, 0.05))
+        return np.stack([upright_goal((x, y, TABLE_TOP + z), yaw) for yaw, z, y, x in spots])
+
+    def _over_the_bin(self, a: Actor) -> np.ndarray:
+        """Poses (N,7) of the bottle above the near half of the dustbin, upright or tilted."""
+        x, y = a.pose("dustbin")[:2]
+        tilts = [
+            quat_about(axis, angle) for axis, angle in (((0, 1, 0), 0.0), ((0, 1, 0), -0.6), ((1, 0, 0), 0.6), ((1, 0, 0), -0.6))
+        ]
+        return np.stack(
+            [
+                compose(yawed((x + dx, y + dy, TABLE_TOP + z), yaw), pose((0, 0, 0), tilt))
+                for dx in (0.10, 0.06)
+                for dy in (-0.04, 0.0, 0.04)
+                for z in (0.08, 0.14)
+                for tilt in tilts
+                for yaw in ROUND
+            ]
+        )
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        x, y, z = transform(inverse(o.pose("dustbin")), o.pose("bottle")[:3])
+        rim = o.bodies["dustbin"].instance.shape().aabb()[1]
+        return {
+            "within_outline": bool(np.hypot(x, y) < rim[0]),
+            "in_bin": within((x, y), (limit["outline_x"], limit["outline_y"])),
+            "below_rim": bool(z < rim[2]),
+            "at_height": bool(limit["least"] < z < limit["depth"]),
+            "released": not o.handled("bottle"),
+        }

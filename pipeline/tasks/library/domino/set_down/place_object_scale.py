@@ -1,0 +1,37 @@
+"""place_object_scale: set an object down on a moving scale."""
+
+from collections.abc import Iterator
+
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.domino.set_down.set_down import SetDown
+from pipeline.tasks.outcome import Outcome
+
+
+@register
+class PlaceObjectScale(SetDown):
+    """Grasp a mouse, stapler or bell and set it down on a scale that moves.
+
+    Success: The base of the object is within 3.5 cm (plane) of the platter's centre and no more than 1 cm below it. The object
+    rests on the scale, and the acting gripper is measured open. These are the original's tolerances, the same for static and
+    dynamic. The acting arm follows from the layout; the original remembers it from the expert's run.
+    """
+
+    target, manipulated = "scale", "object"
+    limits = by_name(plane=Limit(0.035), below=Limit(0.01), lift=Limit(0.03))
+    own_conditions = ("on_scale", "at_rest", "released")
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
+        yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
+        yield Placement("scale", draw.one_of("scale"), Region(x=item.x, y=item.y, yaw=(-3.14, 3.14)), distances={"object": 0.15})
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        limit = self.under(o.rules)
+        x, y, z = o.offset(o.frame("object", "base"), o.frame("scale", "centre"))
+        return {
+            "centred": bool(x * x + y * y < limit["plane"] ** 2),
+            "at_height": bool(z > -limit["below"]),
+            **o.resting("object", "scale"),
+            "gripper_open": o.gripper_open(arms["arm"]),
+        }

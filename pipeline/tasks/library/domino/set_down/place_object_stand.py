@@ -1,0 +1,31 @@
+"""place_object_stand: set an object down on a moving display stand."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.tasks.contract import Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.library.domino.set_down.set_down import SetDown
+
+
+@register
+class PlaceObjectStand(SetDown):
+    """Grasp a small object and set it down on the plate of a display stand that moves.
+
+    Success: The base of the object is within 3 cm (plane, per axis, as in the original) and 1.5 cm (height) of the middle of the
+    plate. The object rests on the stand, and both grippers are measured open. The original has no height test, so an object under
+    the plate passes.
+    """
+
+    target, manipulated = "stand", "object"
+    onto, up, above = "top", 0.12, 0.07
+    limits = by_name(plane=Limit(0.03), height=Limit(0.015), lift=Limit(0.03))
+    own_conditions = ("at_height", "on_stand", "at_rest", "released")
+
+    def layout(self, draw: Draw) -> Iterator[Placement]:
+        side = draw.side()
+        kind = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
+        item = Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-np.pi / 3, np.pi / 3))
+        yield Placement("object", kind, item)
+        stand = Region(x=(0.0, side * 0.05), y=(-0.15, -0.10), yaw=(-np.pi / 6, np.pi / 6))
+        yield Placement("stand", draw.one_of("display_stand"), stand, distances={"object": 0.10})

@@ -1,0 +1,183 @@
+"""The part of the renderer that speaks to the engine: bodies, lights and cameras of one scene."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.cameras import CameraType
+from pipeline.data.episode.visuals import Visuals
+from pipeline.world.drawing.batching import by_material, packed
+from pipeline.world.drawing.light.look_versions import look_of
+from pipeline.world.drawing.light.shadows import SHADOW_CENTRE, SHADOW_DEPTH, SHADOW_HALF_SIZE, SHADOW_MAP
+from pipeline.world.drawing.presets import Preset
+from pipeline.world.shapes import Parts
+
+SHADERS = Path(__file__).parent / "shaders"
+NEAR, FAR = 0.02, 12.0  # m
+BACKGROUND = 0  # the number of what is no body
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A body as the engine takes it: its render component and the number that the segmentation shows.
+
+    A plane of the room, which our shaders light per vertex, has in `plane` its channel of the shadow masks, and its roughness.
+    """
+
+    component: Any
+    number: int = BACKGROUND
+    plane: int | None = None
+    roughness: float = 1.0
+
+
+class DrawnScene:
+    """Bodies that can be placed, shown and hidden, their lights, and the cameras that look at them, made when first used.
+
+    Bodies are drawn in the order given, planes after all others. `scattered` is the light that the table sends back;
+    `textures` are what our shaders sample, by name.
+    """
+
+    def __init__(
+        self,
+        sapien: Any,
+        bodies: Mapping[str, Drawn],
+        visuals: Visuals,
+        preset: Preset,
+        scattered: tuple[float, float, float],
+        textures: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._sapien, self._preset, self._textures = sapien, preset, dict(textures or {})
+        self._scene: Any = sapien.Scene([sapien.render.RenderSystem()])
+        self._cameras: dict[tuple[CameraType, str], Any] = {}
+        self._bodies: dict[str, tuple[Any, Any]] = {}
+        self._shown = frozenset(bodies)
+        self._look = look_of(visuals.look)
+        self._light(visuals)
+        for name, body in bodies.items():
+            component = body.component.clone()
+            entity = sapien.Entity()
+            entity.add_component(component)
+            entity.add_to_scene(self._scene)
+            component.set_property("body", body.number)
+            if body.plane is not None:
+                component.shading_mode = 1
+                component.set_property("plane", body.plane)
+                component.set_property("points", len(visuals.points))
+                component.set_property("roughness", float(body.roughness))
+            elif not preset.stock:
+                for channel, light in zip(("tableRed", "tableGreen", "tableBlue"), scattered, strict=True):
+                    component.set_property(channel, light)
+            self._bodies[name] = (entity, component)
+
+    def place(self, name: str, pose: ArrayLike) -> None:
+        """Set the world pose (7,) of a body."""
+        self._bodies[name][0].set_pose(self._pose(pose))
+
+    def show(self, names: Iterable[str]) -> None:
+        """Hide all bodies but these. A change makes the engine record its commands again, which costs about a third of a frame."""
+        shown = frozenset(names)
+        for name in shown ^ self._shown:
+            self._bodies[name][1].visibility = float(name in shown)
+        self._shown = shown
+
+    def take(self, kind: CameraType, shader: str, pose: ArrayLike) -> Any:
+        """Draw an image from a world pose (7,); what is returned holds its targets until the next image of that type and shader."""
+        if (kind, shader) not in self._cameras:
+            self._cameras[kind, shader] = self._camera(kind, shader)
+        camera = self._cameras[kind, shader]
+        camera.entity.set_pose(self._pose(pose))
+        self._scene.update_render()
+        camera.take_picture()
+        return camera
+
+    def close(self) -> None:
+        """Free the device memory."""
+        self._bodies.clear()
+        self._cameras.clear()
+        self._scene.clear()
+
+    def _camera(self, kind: CameraType, shader: str) -> Any:
+        render = self._sapien.render
+        own = SHADERS / (shader + self._look.shaders)
+        own = own if own.is_dir() else SHADERS / shader
+        folder = own if own.is_dir() else Path(self._sapien.__file__).parent / "vulkan_shader" / shader
+        if shader == "rt":
+            render.set_ray_tracing_samples_per_pixel(self._preset.samples)
+            render.set_ray_tracing_path_depth(8)
+            render.set_ray_tracing_denoiser("none")
+        # The engine reads these settings when a camera is made, so they may differ between cameras.
+        render.set_msaa(self._preset.samples if shader == "raster" else 1)
+        for target in ("Image", "Body"):
+            render.set_picture_format(target, "R8G8B8A8Unorm")
+        camera = render.RenderCameraComponent(kind.width, kind.height, str(folder))
+        camera.set_fovy(np.radians(kind.fovy))
+        camera.near, camera.far = NEAR, FAR
+        entity = self._sapien.Entity()
+        entity.add_component(camera)
+        entity.add_to_scene(self._scene)
+        for name, texture in self._textures.items():
+            camera.set_texture(name, texture)
+        return camera
+
+    def _light(self, visuals: Visuals) -> None:
+        unit = np.pi if self._preset.stock else 1.0
+        self._scene.set_ambient_light(visuals.ambient)
+        self._scene.add_directional_light(
+            visuals.sun_direction,
+            np.array(visuals.sun) * unit,
+            shadow=self._preset.shadow,
+            position=SHADOW_CENTRE,
+            shadow_scale=SHADOW_HALF_SIZE,
+            shadow_near=-SHADOW_DEPTH,
+            shadow_far=SHADOW_DEPTH,
+            shadow_map_size=SHADOW_MAP,
+        )
+        for point in visuals.points:
+            self._scene.add_point_light(point.position, np.array(point.color) * unit)
+
+    def _pose(self, pose: ArrayLike) -> Any:
+        p = np.asarray(pose, float)
+        return self._sapien.Pose(p[:3], p[3:])
+
+
+def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
+    """Render component of the parts of a body: for our shaders one draw call per texture, for stock ones one per material.
+
+    Textures get so many `levels`, each half as fine as the one before.
+    """
+    render, body = sapien.render, sapien.render.RenderBodyComponent()
+    for mesh, material in by_material(parts) if stock else packed(parts):
+        color = np.asarray(material.color, float)
+        surface = render.RenderMaterial(
+            base_color=[*(linear(color) if stock else color), 1.0],
+            specular=0.5,
+            roughness=material.roughness,
+            metallic=material.metallic,
+        )
+        uvs = np.zeros((len(mesh.vertices), 2), np.float32) if mesh.uvs is None else mesh.uvs
+        if material.texture is not None and mesh.uvs is not None:
+            # A copy has the dtype object that the engine asks for; an array that was unpickled has not.
+            pixels = np.array(material.texture, np.uint8)
+            surface.base_color_texture = render.RenderTexture2D(pixels, "R8G8B8A8Unorm", levels, "linear", "repeat", stock)
+        body.attach(render.RenderShapeTriangleMesh(mesh.vertices, mesh.triangles, mesh.normals, uvs, surface))
+    return body
+
+
+def linear(color: ArrayLike) -> NDArray[np.float64]:
+    """sRGB 0-1 -> linear 0-1 (IEC 61966-2-1)."""
+    c = np.asarray(color, float)
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def millimetres(depth_buffer: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Depth buffer (H,W) in 0-1 -> distance along the viewing axis in mm, 0 for the background.
+
+    Inverts d = far (z - near) / (z (far - near)), the projection of a camera with planes at NEAR and FAR.
+    """
+    d = depth_buffer.astype(np.float64)
+    z = NEAR * FAR / (FAR - d * (FAR - NEAR))
+    return np.where(d < 1.0, np.rint(z * 1000.0), 0).astype(np.uint16)

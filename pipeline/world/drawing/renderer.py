@@ -1,0 +1,211 @@
+"""Draw a state log: poses in, images out, no physics. A pure function of meshes, poses, cameras and `Visuals`."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.data.cameras import Camera, CameraType, View
+from pipeline.data.episode.visuals import Visuals
+from pipeline.poses import IDENTITY, compose
+from pipeline.world.drawing.batching import bounds
+from pipeline.world.drawing.capture import BACKGROUND, Drawn, DrawnScene, component, millimetres
+from pipeline.world.drawing.culling import in_view
+from pipeline.world.drawing.edges import smoothed, through_lens
+from pipeline.world.drawing.light.look_versions import look_of
+from pipeline.world.drawing.light.planes import TABLE, channel, prepared
+from pipeline.world.drawing.light.shadows import ShadowMap
+from pipeline.world.drawing.presets import PRESETS
+from pipeline.world.drawing.room import shell, table_legs, table_light, table_top
+from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.looks.textures import Rgba
+from pipeline.world.shapes import Parts
+
+MAX_BODIES = 255
+FURNITURE = "the furniture"  # no name of a body: those have no spaces
+SAME_VIEW = 4  # frames that share a set of visible bodies
+
+
+class Renderer:
+    """A render-only scene: `visual_bodies` move, `fixed` and the room of `visuals` do not. `images` are the textures of the
+    room that are not drawn, by kind.
+
+    Segmentation numbers are positions in `visual_bodies` plus one: give the bodies in the order of `StateLog.bodies`, with an empty
+    sequence for those that have nothing to show. Raises ValueError for an unknown preset or more than 255 bodies, KeyError for
+    a camera on a link that is no body, and NoRenderer where nothing can draw. Close it, or use it as a context manager.
+
+    With the raster presets every camera has a scene of its own, from which the bodies outside of its view are left out, and all
+    share one shadow map. An image depends on no other camera. Stock shaders draw one scene with everything in it, so that their own
+    shadow maps are complete.
+    """
+
+    def __init__(
+        self,
+        visual_bodies: Mapping[str, Parts],
+        fixed: Parts,
+        cameras: Sequence[Camera],
+        visuals: Visuals,
+        preset: str = "raster",
+        images: Mapping[str, Rgba] | None = None,
+    ) -> None:
+        if preset not in PRESETS:
+            raise ValueError(f"preset {preset!r} is unknown: presets are {', '.join(PRESETS)}")
+        if len(visual_bodies) > MAX_BODIES:
+            raise ValueError(f"{len(visual_bodies)} bodies: an 8-bit segmentation holds at most {MAX_BODIES}")
+        for camera in cameras:
+            if camera.link is not None and camera.link not in visual_bodies:
+                raise KeyError(f"camera {camera.name!r} is mounted on {camera.link!r}, which is no body of this scene")
+        self.device = ensure_renderer()
+        import sapien  # after the driver is chosen
+
+        self._preset = PRESETS[preset]
+        self.cameras = tuple(cameras)
+        self._names = tuple(visual_bodies)
+        self._moving = {name: parts for name, parts in visual_bodies.items() if parts}
+        solid = {**self._moving, FURNITURE: [*table_legs(), *fixed]}
+        look = look_of(visuals.look)
+        planes: dict[str, Parts] = {TABLE: table_top(visuals, images), **shell(visuals, self._preset.shader != "rt", images)}
+        planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
+        scattered = table_light(visuals, planes[TABLE][0][1].texture)
+        self._bounds = {name: bounds(parts) for name, parts in (solid | planes).items()}
+        numbers = {name: i + 1 for i, name in enumerate(visual_bodies)}
+        stock = self._preset.stock
+        self._edges = look.edges and self._preset.edges
+        shown = solid if stock else {name: look.prepare(parts) for name, parts in solid.items()}
+        bodies = {name: Drawn(component(sapien, parts, stock), numbers.get(name, BACKGROUND)) for name, parts in shown.items()}
+        self._shadows: ShadowMap | None = None
+        if stock:
+            bodies |= {name: Drawn(component(sapien, parts, stock)) for name, parts in planes.items()}
+            self._scenes = [DrawnScene(sapien, bodies, visuals, self._preset, scattered)]
+            return
+        casters = (self._moving, [*planes[TABLE], *solid[FURNITURE]]) if self._preset.shadow else ({}, ())
+        self._shadows = ShadowMap(sapien, visuals, *casters)
+        rooms: dict[CameraType, dict[str, Drawn]] = {}
+        for kind in dict.fromkeys(camera.type for camera in cameras):
+            rooms[kind] = {
+                name: Drawn(
+                    component(sapien, prepared(name, parts, kind), stock, levels=1),
+                    plane=channel(name),
+                    roughness=parts[0][1].roughness,
+                )
+                for name, parts in planes.items()
+            }
+        textures = self._shadows.textures
+        self._scenes = [DrawnScene(sapien, bodies | rooms[c.type], visuals, self._preset, scattered, textures) for c in cameras]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the scenes' device memory; the renderer is of no use afterwards."""
+        for scene in self._scenes:
+            scene.close()
+        self._scenes.clear()
+        if self._shadows is not None:
+            self._shadows.close()
+        self._shadows = None
+
+    def render(
+        self,
+        body_poses: Mapping[str, ArrayLike],
+        frames: Sequence[int] | None = None,
+        depth: bool = False,
+        segmentation: bool = False,
+    ) -> list[View]:
+        """Images of every camera at the given frames (all by default).
+
+        `body_poses` maps body names to world poses (T,7), xyz + wxyz; bodies that show something and links that carry a camera
+        must be there (KeyError names the missing one, ValueError a wrong shape). Views come in camera order with RGB (F,H,W,3)
+        uint8, and where asked depth (F,H,W) uint16 in mm along the viewing axis (0 = nothing there) and segmentation (F,H,W) uint8.
+        """
+        poses = self._check_poses(body_poses)
+        index = np.arange(len(next(iter(poses.values())))) if poses and frames is None else np.asarray(frames or [0], int)
+        poses = {name: p[index] for name, p in poses.items()}
+        views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
+        shown = [self._visible(view, poses) for view in views] if self._shadows is not None else []
+        if self._shadows is not None:
+            self._shadows.follow(poses)
+        for k in range(len(index)):
+            now = {name: poses[name][k] for name in self._moving}
+            if self._shadows is None:
+                for view in views:
+                    self._read(self._take(self._scenes[0], view, k, now), view, k)
+                continue
+            if self._preset.shadow:
+                self._shadows.draw(k)
+            taken = []
+            for scene, view, names in zip(self._scenes, views, shown, strict=True):
+                scene.show(names[k])
+                taken.append(self._take(scene, view, k, {name: now[name] for name in names[k] if name in now}))
+            # All are under way before the first is waited for.
+            for cameras, view in zip(taken, views, strict=True):
+                self._read(cameras, view, k)
+        return views
+
+    def _visible(self, view: View, poses: Mapping[str, NDArray[np.float64]]) -> list[frozenset[str]]:
+        """Names of what the camera of a view may see at each frame; SAME_VIEW frames in a row have one set."""
+        frames = len(view.poses)
+        if not frames:
+            return []
+        still = np.repeat(IDENTITY[None], frames, 0)
+        names = list(self._bounds)
+        placed = np.stack([poses[name] if name in self._moving else still for name in names], 1)
+        centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
+        visible = in_view(view.camera.type, view.poses, placed, centres, halves)
+        together = np.logical_or.reduceat(visible, np.arange(0, frames, SAME_VIEW))
+        sets = [frozenset(name for name, here in zip(names, row, strict=True) if here) for row in together]
+        return [sets[k // SAME_VIEW] for k in range(frames)]
+
+    def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
+        needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}
+        missing = sorted(needed - set(body_poses))
+        if missing:
+            raise KeyError(f"no poses for {', '.join(missing)}")
+        poses = {name: np.asarray(body_poses[name], float) for name in self._names if name in needed}
+        shapes = {p.shape for p in poses.values()}
+        if len(shapes) > 1 or any(len(s) != 2 or s[1] != 7 for s in shapes):
+            raise ValueError(f"poses must all be (T, 7) with one T; got {', '.join(map(str, sorted(shapes)))}")
+        return poses
+
+    def _empty_view(
+        self, camera: Camera, poses: Mapping[str, NDArray[np.float64]], frames: int, depth: bool, segmentation: bool
+    ) -> View:
+        mount = np.asarray(camera.pose, float)
+        world = np.repeat(mount[None], frames, 0) if camera.link is None else compose(poses[camera.link], mount)
+        shape = (frames, camera.type.height, camera.type.width)
+        return View(
+            camera,
+            world,
+            np.empty((*shape, 3), np.uint8),
+            np.empty(shape, np.uint16) if depth else None,
+            np.empty(shape, np.uint8) if segmentation else None,
+        )
+
+    def _take(self, scene: DrawnScene, view: View, k: int, poses: Mapping[str, NDArray[np.float64]]) -> tuple[Any, Any]:
+        """Start drawing a frame of a view; returns the components that hold the image and, where asked for, depth and masks."""
+        for name, pose in poses.items():
+            scene.place(name, pose)
+        kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None
+        # Masks must not be blended at edges: they come from the same pass only where that has one sample per pixel.
+        together = not self._preset.stock and self._preset.samples == 1
+        camera = scene.take(kind, "raster_masks" if truth and together else self._preset.shader, view.poses[k])
+        return camera, scene.take(kind, "masks", view.poses[k]) if truth and not together else camera
+
+    def _read(self, cameras: tuple[Any, Any], view: View, k: int) -> None:
+        image = cameras[0].get_picture(self._preset.target)
+        if image.dtype != np.uint8:
+            image = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+        if self._edges:
+            smoothed(image, plain := np.empty_like(view.rgb[k]))
+            through_lens(plain, view.rgb[k])
+        else:
+            cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=view.rgb[k])
+        if view.depth is not None:
+            view.depth[k] = millimetres(cameras[1].get_picture("GbufferDepth"))
+        if view.segmentation is not None:
+            view.segmentation[k] = cameras[1].get_picture("Body")[..., 0]

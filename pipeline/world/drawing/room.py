@@ -1,0 +1,123 @@
+"""The fixed surroundings as meshes in the world frame: table, floor, the wall behind it and a plain room around."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.data.episode.visuals import FIRST_LOOK, Surface, Visuals
+from pipeline.world.looks.brought import IMAGE
+from pipeline.world.looks.patterns import texture
+from pipeline.world.looks.textures import Rgba
+from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
+from pipeline.world.shapes import Material, Mesh, merge
+
+LEG_WIDTH = 0.05
+TABLE_ROUGHNESS = 0.45
+MATT: dict[str, float] = dict.fromkeys(
+    ("linen", "gingham", "felt", "concrete"), 0.95
+)  # roughness of table tops without sheen, from the second look on
+WALL_Y = 1.0
+ROOM = ((-3.0, -3.0, 0.0), (3.0, WALL_Y, 3.0))  # lower and upper corner, m
+
+
+def quad(corner: ArrayLike, u: ArrayLike, v: ArrayLike, tile: float) -> Mesh:
+    """Rectangle from a corner and two edge vectors (m), normal u x v, one texture tile every `tile` metres."""
+    corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
+    n = np.cross(u, v)
+    n = n / np.linalg.norm(n)
+    size = np.array([np.linalg.norm(u), np.linalg.norm(v)]) / tile
+    return Mesh(
+        np.array([corner, corner + u, corner + u + v, corner + v], np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+        np.tile(n, (4, 1)).astype(np.float32),
+        (np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size).astype(np.float32),
+    )
+
+
+def box(centre: ArrayLike, half: ArrayLike, tile: float = 1.0) -> Mesh:
+    """Axis-aligned box with flat faces, from its centre and half extents (m); uvs in metres / `tile`."""
+    x, y, z = np.asarray(half, float)[:, None] * np.eye(3)
+    c = np.asarray(centre, float)
+    sides = [(c + s * n, s * 2 * u, 2 * v) for n, u, v in ((x, y, z), (y, z, x), (z, x, y)) for s in (1, -1)]
+    return merge([quad(face - u / 2 - v / 2, u, v, tile) for face, u, v in sides])
+
+
+def surface_material(surface: Surface, roughness: float, image: Rgba | None = None) -> Material:
+    """Material of a visuals surface; `image` is the texture of one whose pattern is IMAGE."""
+    if surface.pattern == IMAGE:
+        return Material(surface.color, roughness, 0.0, image)
+    return _drawn(surface, roughness)
+
+
+@lru_cache(maxsize=8)
+def _drawn(surface: Surface, roughness: float) -> Material:
+    """A texture takes 5 ms to draw: those of the clean room are kept from scene to scene."""
+    pixels = texture(surface.pattern, surface.seed, surface.color)
+    pixels.flags.writeable = False
+    return Material(surface.color, roughness, 0.0, pixels)
+
+
+def table(tile: float) -> tuple[Mesh, Mesh]:
+    """Table top and its four legs."""
+    hx, hy = TABLE_HALF
+    leg = (TABLE_TOP - TABLE_THICKNESS) / 2
+    top = box((0, 0, TABLE_TOP - TABLE_THICKNESS / 2), (hx, hy, TABLE_THICKNESS / 2), tile)
+    inset = 0.05 + LEG_WIDTH / 2
+    legs = [
+        box((sx * (hx - inset), sy * (hy - inset), leg), (LEG_WIDTH / 2, LEG_WIDTH / 2, leg)) for sx in (-1, 1) for sy in (-1, 1)
+    ]
+    return top, merge(legs)
+
+
+def table_top(visuals: Visuals, images: Mapping[str, Rgba] | None = None) -> list[tuple[Mesh, Material]]:
+    """Table top with its material; `images` by kind are the textures that are not drawn."""
+    sheen = TABLE_ROUGHNESS if visuals.look == FIRST_LOOK else MATT.get(visuals.table.pattern, TABLE_ROUGHNESS)
+    return [(table(visuals.table.tile)[0], surface_material(visuals.table, sheen, (images or {}).get("table")))]
+
+
+def table_light(visuals: Visuals, texture: Rgba | None) -> tuple[float, float, float]:
+    """Light (red, green, blue) that a table with this texture scatters: its mean linear colour times the light it gets."""
+    assert texture is not None
+    albedo = ((texture[::4, ::4, :3] / 255.0) ** 2).mean((0, 1))
+    light = np.array(visuals.ambient)
+    direction = np.asarray(visuals.sun_direction, float)
+    light = light + np.array(visuals.sun) * max(-direction[2] / np.linalg.norm(direction), 0.0)
+    for point in visuals.points:
+        to = np.array(point.position) - (0.0, 0.0, TABLE_TOP)
+        light = light + np.array(point.color) * max(to[2], 0.0) / np.linalg.norm(to) ** 3
+    red, green, blue = (albedo * light).tolist()
+    return red, green, blue
+
+
+def table_legs() -> list[tuple[Mesh, Material]]:
+    """The table's legs with their material."""
+    return [(table(1.0)[1], Material((0.34, 0.34, 0.36), 0.5))]
+
+
+def shell(
+    visuals: Visuals, closed: bool = True, images: Mapping[str, Rgba] | None = None
+) -> dict[str, list[tuple[Mesh, Material]]]:
+    """Floor and back wall, and where `closed` the other walls and the ceiling, by name: they receive shadows and cast none.
+
+    In the first look only the back wall has a texture. Ray tracing lets light in from outside only, so it needs the room open.
+    """
+    (x0, y0, z0), (x1, y1, z1) = ROOM
+    w, d, h = x1 - x0, y1 - y0, z1 - z0
+    plain = Material(visuals.wall.color, 0.9)
+    images = images or {}
+    back = surface_material(visuals.wall, 0.85, images.get("wall"))
+    ground = surface_material(visuals.ground, 0.7, images.get("floor"))
+    wall, tile = (plain, 1.0) if visuals.look == FIRST_LOOK else (back, visuals.wall.tile)
+    parts = {
+        "the back wall": [(quad((x0, y1, z0), (w, 0, 0), (0, 0, h), visuals.wall.tile), back)],
+        "the floor": [(quad((x0, y0, z0), (w, 0, 0), (0, d, 0), visuals.ground.tile), ground)],
+    }
+    others = {
+        "the front wall": [(quad((x1, y0, z0), (-w, 0, 0), (0, 0, h), tile), wall)],
+        "the left wall": [(quad((x0, y0, z0), (0, d, 0), (0, 0, h), tile), wall)],
+        "the right wall": [(quad((x1, y1, z0), (0, -d, 0), (0, 0, h), tile), wall)],
+        "the ceiling": [(quad((x0, y1, z1), (w, 0, 0), (0, -d, 0), 1.0), plain)],
+    }
+    return parts | others if closed else parts

@@ -1,0 +1,159 @@
+"""Materials that objects and robots use, by everyday name: `glaze("teal")`, `metal()`, `wood("walnut", seed=3)`.
+
+A colour is a name of `PALETTE` or an sRGB triple in 0-1. Textured materials need a mesh with uvs; one texture tile covers the unit
+square of uv. Without a seed a material is plain. Texture arrays are shared between equal calls and read-only.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from pipeline.world.looks.patterns import texture
+from pipeline.world.looks.prints import PRINTS, Triple, handled, printing
+from pipeline.world.looks.skins import skin
+from pipeline.world.looks.textures import Rgba
+from pipeline.world.shapes import Material, TextureSource
+
+Color = str | Triple
+
+PALETTE: dict[str, tuple[float, float, float]] = {
+    "red": (0.72, 0.16, 0.14),
+    "green": (0.20, 0.50, 0.25),
+    "blue": (0.16, 0.30, 0.64),
+    "yellow": (0.90, 0.74, 0.22),
+    "cyan": (0.22, 0.68, 0.76),
+    "magenta": (0.70, 0.20, 0.52),
+    "black": (0.07, 0.07, 0.08),
+    "gray": (0.50, 0.50, 0.51),
+    "orange": (0.88, 0.48, 0.16),
+    "purple": (0.44, 0.25, 0.56),
+    "brown": (0.41, 0.27, 0.18),
+    "pink": (0.89, 0.63, 0.70),
+    "lime": (0.58, 0.75, 0.27),
+    "olive": (0.46, 0.46, 0.20),
+    "teal": (0.12, 0.45, 0.45),
+    "maroon": (0.42, 0.11, 0.16),
+    "navy": (0.11, 0.16, 0.33),
+    "coral": (0.88, 0.49, 0.42),
+    "turquoise": (0.32, 0.73, 0.68),
+    "indigo": (0.28, 0.20, 0.50),
+    "beige": (0.90, 0.84, 0.71),
+    "tan": (0.79, 0.65, 0.46),
+    "silver": (0.74, 0.75, 0.77),
+    "white": (0.93, 0.93, 0.92),
+    "cream": (0.95, 0.91, 0.80),
+    "gold": (0.79, 0.63, 0.30),
+    "charcoal": (0.20, 0.21, 0.23),
+    "mint": (0.67, 0.83, 0.74),
+    "lavender": (0.71, 0.65, 0.86),
+    "sky blue": (0.53, 0.72, 0.87),
+    "dark green": (0.09, 0.30, 0.18),
+    "rust": (0.60, 0.31, 0.18),
+}
+"""sRGB of every colour word the project uses, as products have it. A description that names a colour must be true of the image."""
+
+WOODS: dict[str, tuple[float, float, float]] = {
+    "oak": (0.76, 0.58, 0.38),
+    "pine": (0.86, 0.71, 0.49),
+    "walnut": (0.42, 0.28, 0.18),
+    "beech": (0.82, 0.64, 0.46),
+    "mahogany": (0.50, 0.24, 0.15),
+    "birch": (0.90, 0.80, 0.63),
+}
+
+
+def srgb(color: Color) -> tuple[float, float, float]:
+    """The sRGB triple of a colour. Raises KeyError, naming the palette, for an unknown name."""
+    if not isinstance(color, str):
+        r, g, b = color
+        return float(r), float(g), float(b)
+    found = PALETTE.get(color) or WOODS.get(color)
+    if found is None:
+        raise KeyError(f"colour {color!r} is unknown: colours are {', '.join([*PALETTE, *WOODS])}")
+    return found
+
+
+def glaze(color: Color) -> Material:
+    """Glazed ceramic: smooth, clear highlight."""
+    return Material(srgb(color), roughness=0.22)
+
+
+def plastic(color: Color) -> Material:
+    """Moulded plastic: satin."""
+    return Material(srgb(color), roughness=0.42)
+
+
+def painted(color: Color) -> Material:
+    """Painted metal or wood: semi-gloss."""
+    return Material(srgb(color), roughness=0.5)
+
+
+def rubber(color: Color = "charcoal") -> Material:
+    """Rubber: matt."""
+    return Material(srgb(color), roughness=0.9)
+
+
+def metal(color: Color = "silver", seed: int | None = None) -> Material:
+    """Bare metal; brushed where a seed is given."""
+    return _textured("brushed", color, seed, roughness=0.35, metallic=0.85)
+
+
+def wood(tone: Color = "oak", seed: int | None = None) -> Material:
+    """Wood of a tone of `WOODS` or any colour; grained along u where a seed is given."""
+    return _textured("veneer", tone, seed, roughness=0.55)
+
+
+def fabric(color: Color, seed: int | None = None) -> Material:
+    """Cloth; woven where a seed is given."""
+    return _textured("fabric", color, seed, roughness=0.95)
+
+
+def wrapped(kind: str, color: Color, seed: int, roughness: float, size: int = 128, metallic: float = 0.0) -> Material:
+    """A skin of `skins.SKINS`; its meshes bring the uvs that fit it."""
+    source = TextureSource("skin", (kind, seed, srgb(color), size))
+    return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
+
+
+def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
+    """Painted wood or plastic in use: rubbed edges, faint marks. For meshes whose sides each cover the uv square."""
+    return printed(print_texture(color, "cream", "worn", seed=seed), roughness)
+
+
+def printed(source: TextureSource, roughness: float = 0.45) -> Material:
+    """A label or a printed box: the texture of `print_texture` over the uv square."""
+    image = texture_pixels(source)
+    r, g, b = (image[..., :3].reshape(-1, 3).mean(0) / 255.0).tolist()
+    return Material((r, g, b), roughness=roughness, texture=image, source=source)
+
+
+def print_texture(base: Color, accent: Color, kind: str = "label", text: str = "", seed: int = 0, size: int = 128) -> TextureSource:
+    """Printed packaging, `size` pixels square: ground `base`, ink `accent`.
+
+    kind: "label" (band with text), "product" (band with text, small print, a bar code), "worn" (ground with rubbed edges), "hem"
+    (woven ground with stitches along its edge), "stripes" (horizontal bands), "dots", "diamond", "qr" (black modules, three
+    finder squares), "keys" (grid of buttons), "panel" (dark display with text), "pressed" (text and an oval in the ground).
+    Raises KeyError for an unknown kind or colour.
+    """
+    if kind not in PRINTS:
+        raise KeyError(f"print {kind!r} is unknown: prints are {', '.join(PRINTS)}")
+    return TextureSource("packaging", (srgb(base), srgb(accent), kind, text, seed, size))
+
+
+def _textured(pattern: str, color: Color, seed: int | None, roughness: float, metallic: float = 0.0) -> Material:
+    if seed is None:
+        return Material(srgb(color), roughness, metallic)
+    source = TextureSource("tile", (pattern, seed, srgb(color), 128))
+    return Material(srgb(color), roughness, metallic, texture_pixels(source), source)
+
+
+@lru_cache(maxsize=16)
+def texture_pixels(source: TextureSource) -> Rgba:
+    """The image (H,W,4) uint8 sRGB of a texture, read-only; row 0 is v = 0. Raises KeyError for an unknown kind."""
+    if source.kind not in TEXTURES:
+        raise KeyError(f"texture kind {source.kind!r} is unknown: kinds are {', '.join(TEXTURES)}")
+    image = TEXTURES[source.kind](*source.arguments)
+    image.setflags(write=False)
+    return image
+
+
+TEXTURES: dict[str, Callable[..., Rgba]] = {"tile": texture, "print": printing, "packaging": handled, "skin": skin}
+"""Functions that make textures, by kind; the arguments of a `TextureSource` are theirs, in order."""

@@ -1,0 +1,91 @@
+"""Draws the look of the room and the lights, once per attempt and from the attempt's own stream."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.data.episode.visuals import LOOK, PointLight, Surface, Triple, Visuals
+from pipeline.data.spec import DOMAINS
+from pipeline.world.looks.tabletops import TABLETOPS
+from pipeline.world.looks.walls import DISTANT, SPAN, WALLS
+
+SPLITS = ("seen", "unseen")
+
+CLEAN = Visuals(
+    table=Surface("staves", 12, (0.78, 0.68, 0.55), 0.60),
+    wall=Surface("workshop", 4, (0.84, 0.84, 0.82), SPAN),
+    ground=Surface("concrete", 2, (0.56, 0.55, 0.54), 1.5),
+    ambient=(0.29, 0.30, 0.32),
+    sun_direction=(0.40, -0.55, -1.0),
+    sun=(0.72, 0.69, 0.63),
+    points=(PointLight((0.9, -0.5, 1.8), (0.24, 0.23, 0.21)), PointLight((-0.9, -0.5, 1.8), (0.24, 0.23, 0.21))),
+    look=LOOK,
+)
+"""The clean domain: pale wooden table, a workshop's wall, a window's light from behind the table on the left, two lamps.
+
+The light travels towards the robot, so neither the stand of the head camera nor the robot's base throws a shadow on the table.
+"""
+
+TABLE_PATTERNS = (*TABLETOPS, "staves", "veneer", "linen", "laminate", "felt", "marble")
+WALL_PATTERNS = (*WALLS, *WALLS, *DISTANT)
+GROUND_PATTERNS = ("planks", "tiles", "concrete", "veneer", "fine terrazzo")
+PLAIN_RATE = 0.02  # chance, per surface, of the clean look inside the randomised domain
+TIMBER = ((0.78, 0.66, 0.50), (0.66, 0.50, 0.34), (0.45, 0.32, 0.22), (0.58, 0.40, 0.28), (0.80, 0.72, 0.60))
+MINERAL = ((0.86, 0.84, 0.80), (0.45, 0.46, 0.48), (0.62, 0.60, 0.57), (0.28, 0.29, 0.31), (0.72, 0.66, 0.58), (0.88, 0.88, 0.87))
+PAINTS = (
+    (0.86, 0.85, 0.82),
+    (0.74, 0.76, 0.76),
+    (0.80, 0.76, 0.68),
+    (0.62, 0.67, 0.66),
+    (0.60, 0.64, 0.70),
+    (0.90, 0.89, 0.87),
+)
+FREE, FREE_TIMBER = 0.22, 0.10  # largest share of any other colour in these
+
+
+def draw_visuals(rng: np.random.Generator, domain: str, split: str = "seen") -> Visuals:
+    """Looks for one attempt. "clean" is always `CLEAN` and draws nothing.
+
+    "randomized" draws patterns, colours and light colours from `rng`; texture seeds are even in the "seen" split and odd in the
+    "unseen" one, so no texture of training appears in evaluation. Raises ValueError for an unknown domain or split.
+    """
+    if domain not in DOMAINS:
+        raise ValueError(f"domain {domain!r} is unknown: domains are {', '.join(DOMAINS)}")
+    if split not in SPLITS:
+        raise ValueError(f"texture split {split!r} is unknown: splits are {', '.join(SPLITS)}")
+    if domain == "clean":
+        return CLEAN
+    table = _surface(rng, TABLE_PATTERNS, MINERAL, (0.45, 0.7), split, CLEAN.table)
+    wall = _surface(rng, WALL_PATTERNS, PAINTS, (0.5, 0.9), split, CLEAN.wall)
+    ground = _surface(rng, GROUND_PATTERNS, MINERAL, (0.8, 1.5), split, CLEAN.ground)
+    ambient = _light(rng, 0.16, 0.30, 0.93)
+    sun = _light(rng, 0.45, 0.85, 0.86)
+    direction = (float(rng.uniform(-0.6, 0.6)), float(rng.uniform(-0.75, -0.3)), -1.0)
+    points = tuple(PointLight(p.position, _light(rng, 0.08, 0.26, 0.82)) for p in CLEAN.points)
+    return Visuals(table, wall, ground, ambient, direction, sun, points, LOOK)
+
+
+def _surface(
+    rng: np.random.Generator,
+    patterns: Sequence[str],
+    paints: Sequence[Triple],
+    tile: tuple[float, float],
+    split: str,
+    clean: Surface,
+) -> Surface:
+    """One surface: wood takes the colour of a timber, the rest of `paints`; a wall of a room is drawn in its own size."""
+    plain = rng.random() < PLAIN_RATE
+    pattern = patterns[int(rng.integers(len(patterns)))]
+    seed = 2 * int(rng.integers(1 << 30)) + (split == "unseen")
+    kinds = TIMBER if pattern in ("staves", "veneer", "planks") else paints
+    own, free = np.array(kinds[int(rng.integers(len(kinds)))]), rng.uniform(0.12, 0.92, 3)
+    mixing = (FREE_TIMBER if kinds is TIMBER else FREE) * rng.random()
+    r, g, b = own + (free - own) * mixing
+    size = SPAN if pattern in WALLS else float(rng.uniform(*tile))
+    return clean if plain else Surface(pattern, seed, (float(r), float(g), float(b)), size)
+
+
+def _light(rng: np.random.Generator, low: float, high: float, whiteness: float) -> Triple:
+    """A light between `low` and `high` whose weakest channel keeps at least the share `whiteness`."""
+    r, g, b = rng.uniform(low, high) * (whiteness + (1.0 - whiteness) * rng.random(3))
+    return float(r), float(g), float(b)

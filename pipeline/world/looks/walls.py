@@ -1,0 +1,191 @@
+"""Walls of a workshop, a kitchen, a laboratory and an office as flat drawings, by the seed, as `textures` makes patterns.
+
+A tile is 3 m of wall from the floor up, row 0 at the floor. What hangs on it is drawn with its own shading, without
+geometry. Lengths below are metres from the left of the tile and from the floor.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.world.looks.textures import BASIC, Rgba, fractal, rgba
+
+SPAN = 3.0  # m
+MUTED = (
+    (0.66, 0.27, 0.22), (0.24, 0.38, 0.52), (0.83, 0.71, 0.42), (0.35, 0.47, 0.38), (0.87, 0.85, 0.80), (0.22, 0.24, 0.27),
+    (0.56, 0.44, 0.34), (0.46, 0.50, 0.55),
+)  # fmt: skip
+OAK, STEEL, GLASS = (0.68, 0.53, 0.38), (0.62, 0.63, 0.65), (0.86, 0.92, 0.97)
+
+
+@dataclass(eq=False)
+class Wall:
+    """A drawing in progress: linear ramps of paint over `canvas` (N,N,3), sRGB 0-1, whose row 0 is the floor."""
+
+    canvas: NDArray[np.float32]
+    rng: np.random.Generator
+
+    def block(self, left: float, low: float, width: float, height: float, colour: ArrayLike, relief: float = 0.12) -> None:
+        """A rectangle, lighter at its top and darker at its foot by `relief`."""
+        x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
+        ramp = np.linspace(1 - relief, 1 + relief / 2, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
+        self.canvas[y0:y1, x0:x1] = np.clip(np.asarray(colour, np.float32) * ramp, 0, 1)
+
+    def shadow(self, left: float, low: float, width: float, height: float, share: float = 0.25) -> None:
+        """A soft shadow: strongest at the top of the rectangle, gone at its foot."""
+        x0, x1, y0, y1 = self._texels(left, left + width, low, low + height)
+        self.canvas[y0:y1, x0:x1] *= 1 - np.linspace(0, share, max(y1 - y0, 0), dtype=np.float32)[:, None, None]
+
+    def shelf(self, left: float, low: float, width: float, things: Callable[[float, float, float], None]) -> None:
+        """A board with a shadow below it, and `things` (left, low, width) on it."""
+        self.shadow(left, low - 0.16, width, 0.16)
+        self.block(left, low - 0.03, width, 0.03, OAK)
+        things(left, low, width)
+
+    def row(self, left: float, low: float, width: float, sizes: tuple[float, float], heights: tuple[float, float]) -> None:
+        """Boxes, books or jars side by side with gaps, of random sizes and muted colours; one in three has a label."""
+        at = left + 0.03
+        while at < left + width - sizes[1]:
+            w, h = self.rng.uniform(*sizes), self.rng.uniform(*heights)
+            colour = np.array(MUTED[self.rng.integers(len(MUTED))]) * self.rng.uniform(0.85, 1.1)
+            self.shadow(at - 0.012, low, w + 0.03, h, 0.3)
+            self.block(at, low, w, h, colour, 0.2)
+            self.block(at + 0.9 * w, low, 0.1 * w, h, colour * 0.78, 0.2)
+            if self.rng.random() < 0.35:
+                self.block(at + 0.15 * w, low + 0.35 * h, 0.6 * w, 0.3 * h, (0.90, 0.89, 0.85), 0.03)
+            at += w + self.rng.choice([0.006, 0.01, 0.05, 0.12])
+
+    def cupboards(self, height: float, width: float, colour: ArrayLike, drawers: int) -> None:
+        """A row of them from the floor to `height`, `width` each, with as many drawers, under a worktop."""
+        each = (height - 0.1) / drawers
+        self.block(0, 0, SPAN, 0.1, (0.20, 0.20, 0.21))
+        for k in range(round(SPAN / width)):
+            for j in range(drawers):
+                low = 0.1 + j * each
+                self.block(k * width + 0.004, low, width - 0.008, each - 0.008, colour, 0.08)
+                self.block(k * width + 0.35 * width, low + 0.72 * each, 0.3 * width, 0.012, STEEL, 0.3)
+                self.shadow(k * width + 0.35 * width, low + 0.72 * each - 0.015, 0.3 * width, 0.015)
+        self.shadow(0, height - 0.06, SPAN, 0.06, 0.35)
+        self.block(0, height, SPAN, 0.04, OAK, 0.1)
+
+    def window(self, left: float, low: float, width: float, height: float) -> None:
+        """Bright panes in a white frame."""
+        self.block(left - 0.05, low - 0.05, width + 0.1, height + 0.1, (0.93, 0.93, 0.92), 0.05)
+        for k in range(2):
+            self.block(left + k * (width / 2 + 0.015), low, width / 2 - 0.03, height, GLASS, 0.10)
+        self.block(left - 0.08, low - 0.09, width + 0.16, 0.04, (0.88, 0.88, 0.86))
+        self.shadow(left - 0.08, low - 0.16, width + 0.16, 0.07)
+
+    def _texels(self, *lengths: float) -> list[int]:
+        return [round(float(np.clip(v, 0, SPAN)) * len(self.canvas) / SPAN) for v in lengths]
+
+
+def _plaster(rng: np.random.Generator, size: int, colour: ArrayLike) -> Wall:
+    stipple = fractal(rng, size, (6, 6), 5)
+    fall = np.linspace(0.90, 1.02, size, dtype=np.float32)[:, None]  # the floor takes light away
+    return Wall((np.asarray(colour, np.float32) * (fall * (0.975 + 0.05 * stipple))[..., None]).astype(np.float32), rng)
+
+
+def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
+    """The wall as a camera shows it that is focused on the table: `blur` texels wide, with light pooling here and there."""
+    rng = np.random.Generator(np.random.Philox(len(canvas)))
+    wide = np.pad(canvas, ((8, 8), (8, 8), (0, 0)), mode="wrap")
+    soft = np.asarray(cv2.GaussianBlur(wide, (0, 0), blur))[8:-8, 8:-8]
+    return rgba(soft * (0.90 + 0.18 * fractal(rng, len(canvas), (2, 3), 2))[..., None])
+
+
+def distant(pattern: str) -> Callable[[np.random.Generator, int, ArrayLike], Rgba]:
+    """A pattern of `textures` as it looks behind the table."""
+    return lambda rng, size, colour: _out_of_focus(np.asarray(BASIC[pattern](rng, size, colour)[..., :3] / 255, np.float32), 1.0)
+
+
+def workshop(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """A perforated board with tools, a shelf of boxes and a window."""
+    wall = _plaster(rng, size, colour)
+    wall.cupboards(0.62, 0.5, MUTED[rng.integers(len(MUTED))], 3)
+    wall.row(0.1, 0.66, 2.8, (0.10, 0.30), (0.06, 0.14))
+    left = 0.15 + 1.2 * rng.random()
+    board = (left, 0.85, 1.35, 0.75)
+    wall.shadow(left + 0.01, 0.78, 1.36, 0.07)
+    wall.block(*board, np.array((0.80, 0.74, 0.63)) * rng.uniform(0.8, 1.05), 0.05)
+    n = size / SPAN
+    for x in np.arange(left + 0.05, left + 1.33, 0.05):
+        for y in np.arange(0.9, 1.58, 0.05):
+            wall.canvas[int(y * n), int(x * n)] *= 0.6
+    for k in range(7):
+        x, h = left + 0.1 + 0.18 * k, rng.uniform(0.14, 0.3)
+        tool, w = np.array(MUTED[rng.integers(len(MUTED))]), rng.uniform(0.02, 0.04)
+        wall.shadow(x + 0.015, 1.5 - h, w, h, 0.3)
+        wall.block(x, 1.5 - h, w, 0.55 * h, tool, 0.25)
+        wall.block(x + 0.3 * w, 1.5 - 0.45 * h, 0.4 * w, 0.45 * h, STEEL, 0.2)
+        if k % 2:
+            wall.block(x - 0.02, 1.46, w + 0.04, 0.035, STEEL, 0.3)
+    wall.shelf(left - 0.1, 1.78, 1.5, lambda x, y, w: wall.row(x, y, w, (0.09, 0.22), (0.10, 0.24)))
+    wall.window((left + 1.65) % 2.2, 1.2, 0.7, 0.9)
+    return _out_of_focus(wall.canvas)
+
+
+def kitchen(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Tiles to a height of 1.5 m, a rail, a shelf of jars, cupboards above."""
+    wall = _plaster(rng, size, colour)
+    width, height = (0.15, 0.075) if rng.random() < 0.5 else (0.1, 0.1)
+    for j in range(int(1.5 / height)):
+        for i in range(-1, int(SPAN / width) + 1):
+            tone = np.asarray(colour) * rng.uniform(0.97, 1.04) * 1.03
+            wall.block((i + 0.5 * (j % 2) * (width > height)) * width, j * height, width - 0.006, height - 0.006, tone, 0.04)
+    left = 0.2 + rng.random()
+    wall.shelf(left, 1.02, 1.5, lambda x, y, w: wall.row(x, y, w, (0.06, 0.11), (0.09, 0.18)))
+    cupboard = np.array(MUTED[rng.integers(2, 5)])
+    wall.cupboards(0.56, 0.6, cupboard, 1)
+    wall.row(0.2, 0.60, 2.6, (0.07, 0.16), (0.10, 0.26))
+    for k in range(6):
+        wall.block(0.5 * k + 0.01, 1.75, 0.48, 0.85, cupboard, 0.06)
+        wall.block(0.5 * k + 0.42, 1.85, 0.015, 0.12, STEEL)
+    wall.shadow(0, 1.6, SPAN, 0.15, 0.3)
+    return _out_of_focus(wall.canvas)
+
+
+def laboratory(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """A trunking with sockets, a whiteboard, a steel rack of instruments."""
+    wall = _plaster(rng, size, colour)
+    wall.shadow(0, 0.80, SPAN, 0.06)
+    wall.block(0, 0.86, SPAN, 0.12, (0.88, 0.88, 0.87), 0.12)
+    for x in np.arange(0.1, SPAN, 0.28):
+        wall.block(float(x), 0.89, 0.06, 0.06, (0.80, 0.80, 0.79), 0.05)
+        wall.block(float(x) + 0.018, 0.912, 0.022, 0.016, (0.3, 0.3, 0.31), 0.0)
+    wall.cupboards(0.58, 0.5, MUTED[rng.choice([4, 7])], 2)
+    wall.row(0.1, 0.62, 2.8, (0.08, 0.34), (0.08, 0.20))
+    left = 0.1 + 0.6 * rng.random()
+    wall.shadow(left, 1.06, 1.3, 0.05)
+    wall.block(left - 0.02, 1.10, 1.34, 0.84, STEEL, 0.05)
+    wall.block(left, 1.12, 1.30, 0.80, (0.94, 0.95, 0.95), 0.03)
+    for y in np.arange(1.25, 1.85, 0.1):
+        wall.block(left + 0.1, float(y), rng.uniform(0.2, 0.9), 0.008, (0.24, 0.32, 0.52), 0.0)
+    for k, low in enumerate((1.12, 1.5)):
+        wall.shelf(left + 1.5, low, 1.2, lambda x, y, w, k=k: wall.row(x, y, w, (0.10, 0.32), (0.12, 0.25 + 0.04 * k)))
+    return _out_of_focus(wall.canvas)
+
+
+def office(rng: np.random.Generator, size: int, colour: ArrayLike) -> Rgba:
+    """Two shelves of books, a picture and a window with its sill."""
+    wall = _plaster(rng, size, colour)
+    left = 1.3 * rng.random()
+    for low in (1.0, 1.4):
+        wall.shelf(left, low, 1.5, lambda x, y, w: wall.row(x, y, w, (0.02, 0.055), (0.18, 0.28)))
+    wall.window(left + 1.75 if left < 0.4 else max(left - 0.9, 0.1), 1.1, 0.7, 1.1)
+    wall.cupboards(0.54, 0.75, MUTED[rng.choice([4, 5, 6])], 2)
+    wall.row(0.1, 0.58, 2.8, (0.02, 0.06), (0.16, 0.28))
+    return _out_of_focus(wall.canvas)
+
+
+WALLS: dict[str, Callable[[np.random.Generator, int, ArrayLike], Rgba]] = {
+    "workshop": workshop,
+    "kitchen": kitchen,
+    "laboratory": laboratory,
+    "office": office,
+}
+
+DISTANT = {f"distant {name}": distant(name) for name in ("paint", "bricks", "tiles", "planks", "marble", "stripes", "plain")}

@@ -1,0 +1,166 @@
+"""A small cabinet with one drawer, as two bodies: the shell, facing -y, and the drawer that slides in it."""
+
+from dataclasses import asdict, dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.poses import Pose
+from pipeline.world.looks.materials import WOODS, metal, painted, wood
+from pipeline.world.objects.colliders import box_collider, capsule_between, walls_of_boxes
+from pipeline.world.objects.contract import Family, NamedFrames, Slide, Words, register
+from pipeline.world.objects.geometry import at, box, sweep
+from pipeline.world.objects.grasping import handle_pinches
+from pipeline.world.objects.kit import COLOURS, mark, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
+from pipeline.world.objects.words import describe
+from pipeline.world.shapes import Material, Shape
+
+BOARD = 0.012
+GAP = 0.002
+TONES = (*WOODS, *COLOURS)
+
+
+def _skin(colour: str, texture: int) -> Material:
+    return wood(colour, texture) if colour in WOODS else painted(colour)
+
+
+@register("drawer")
+@dataclass(frozen=True)
+class Drawer(Family):
+    """An open box with a front board and an upright bar handle, both towards -y; origin under the middle of the box."""
+
+    hx: float  # of the box
+    hy: float
+    height: float
+    front_hx: float
+    front_height: float
+    bar: float  # half length of the handle, upright
+    colour: str
+    handle_colour: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> Self:
+        return cls(**asdict(Cabinet.draw(rng).drawer()))
+
+    @property
+    def handle_at(self) -> tuple[float, float, float]:
+        """Middle of the handle bar: 4 cm before the front, so that fingertips find room on either side of it."""
+        return (0.0, -self.hy - BOARD - 0.040, self.front_height / 2)
+
+    def shape(self) -> Shape:
+        _, y, z = self.handle_at
+        h = self.height
+        skin = _skin(self.colour, self.seed)
+        front = at(box(self.front_hx, BOARD / 2, self.front_height / 2, 0.002), (0, -self.hy - BOARD / 2, self.front_height / 2))
+        walls = [
+            at(box(self.hx, self.hy, 0.003), (0, 0, 0.003)),
+            at(box(0.003, self.hy, h / 2), (self.hx - 0.003, 0, h / 2)),
+            at(box(0.003, self.hy, h / 2), (0.003 - self.hx, 0, h / 2)),
+            at(box(self.hx, 0.003, h / 2), (0, self.hy - 0.003, h / 2)),
+        ]
+        ends = [np.array([0, y, z + side * self.bar]) for side in (-1, 1)]
+        root = np.array([0, -self.hy - BOARD - y, 0])
+        bar = sweep([ends[0] + root, ends[0], ends[1], ends[1] + root], 0.006, 8)
+        return Shape(
+            visual=((front, skin), *((w, painted("beige")) for w in walls), (bar, metal(self.handle_colour))),
+            collision=(
+                *box_collider(self.hx, self.hy, 0.003, (0, 0, 0.003)),
+                *walls_of_boxes(self.hx, self.hy, 0.006, h),
+                *box_collider(self.front_hx, BOARD / 2, self.front_height / 2, (0, -self.hy - BOARD / 2, self.front_height / 2)),
+                *capsule_between(ends[0], ends[1], 0.006),
+                *(c for e in ends for c in capsule_between(e, e + root, 0.006)),
+            ),
+            mass=0.6,
+            friction=0.8,
+        )
+
+    def frames(self) -> NamedFrames:
+        floor = mark(0, 0, 0.006)
+        _, y, z = self.handle_at
+        grips = [
+            g
+            for dz in (-0.01, 0.005, 0.02)
+            for turn in (0.0, 0.2, -0.2)
+            for g in handle_pinches((0, y, z + dz), (0, 0, 1), (np.sin(turn), -np.cos(turn), 0), 0.012, (0, -15, -30, -45, -60))
+        ]
+        return standing(self.front_height, grips, inside=floor, centre=floor, handle=mark(*self.handle_at, normal=(0, -1, 0)))
+
+    def words(self) -> Words:
+        return describe("drawer", "drawer", colour=self.colour, handle=self.handle_colour)
+
+
+@register("cabinet")
+@dataclass(frozen=True)
+class Cabinet(Parametric):
+    """The shell: sides, back, top and bottom boards; the drawer's bay is open towards -y, below it a closed front."""
+
+    colour: str = one_of(TONES)
+    hx: float = between(0.14, 0.17, size=LARGE)  # half extent along x
+    hy: float = between(0.1, 0.12)
+    bay: float = between(0.09, 0.11)  # height of the opening
+    foot: float = between(0.03, 0.08)  # height of the closed part below
+    bar: float = between(0.03, 0.036)
+    drawer_colour: str = one_of(TONES, also="colour")
+    handle_colour: str = one_of(("silver", "gold", "charcoal"))
+    seed: int = texture()
+
+    @property
+    def height(self) -> float:
+        """Of the whole cabinet (m)."""
+        return self.foot + self.bay + 2 * BOARD
+
+    def drawer(self) -> Drawer:
+        """The drawer that fits; closed at `slot()`."""
+        return Drawer(
+            self.hx - BOARD - GAP,
+            self.hy - BOARD - GAP,
+            0.6 * self.bay,
+            self.hx - BOARD - GAP,
+            self.bay - 2 * GAP,
+            self.bar,
+            self.drawer_colour,
+            self.handle_colour,
+            self.seed + 1,
+        )
+
+    def slot(self) -> Pose:
+        """Pose (7,) of the closed drawer's origin in the cabinet's frame."""
+        return mark(0, 0, self.foot + BOARD + GAP)
+
+    def slide(self) -> Slide:
+        """How the drawer moves, from closed to open."""
+        return Slide((0.0, -1.0, 0.0), 0.0, 1.4 * self.hy)
+
+    def boards(self) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
+        """Half extents and centre of every board."""
+        h, f, t = self.height, self.foot, BOARD / 2
+        return [
+            ((t, self.hy, h / 2), (self.hx - t, 0, h / 2)),
+            ((t, self.hy, h / 2), (t - self.hx, 0, h / 2)),
+            ((self.hx - BOARD, t, h / 2), (0, self.hy - t, h / 2)),
+            ((self.hx - BOARD, self.hy, t), (0, 0, h - t)),
+            ((self.hx - BOARD, self.hy, t), (0, 0, f + t)),
+            ((self.hx - BOARD, t, f / 2), (0, t - self.hy, f / 2)),
+        ]
+
+    def shape(self) -> Shape:
+        skin = _skin(self.colour, self.seed)
+        return Shape(
+            visual=tuple((at(box(*half, 0.0012), centre), skin) for half, centre in self.boards()),
+            collision=tuple(c for half, centre in self.boards() for c in box_collider(*half, centre)),
+            mass=3.0,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.height, slot=self.slot())
+
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {
+            "material": "wooden" if self.colour in WOODS else "painted",
+            "plain": "" if self.colour in WOODS else "painted",
+            "drawer": self.drawer_colour,
+            "handle": self.handle_colour,
+        }

@@ -1,0 +1,103 @@
+"""A handheld microphone lying along x, its head towards +x."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.poses import quat_about, quat_multiply, quat_rotate
+from pipeline.world.looks.materials import metal, painted, plastic
+from pipeline.world.objects.colliders import ALONG_X, box_collider, convex_collider, sphere_collider
+from pipeline.world.objects.contract import Grasp, NamedFrames, register
+from pipeline.world.objects.geometry import at, box, revolve
+from pipeline.world.objects.grasping import bar_pinches
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LONG, Parametric, between, drawn, one_of
+from pipeline.world.shapes import Shape
+
+
+@register("microphone")
+@dataclass(frozen=True)
+class Microphone(Parametric):
+    tail: float = between(0.0125, 0.0145)  # radius at the tail
+    length: float = between(0.18, 0.23, size=LONG)
+    neck: float = drawn(lambda rng, mic: mic.tail + rng.uniform(0.0015, 0.0035))  # radius below the head
+    head: float = between(0.0215, 0.026)  # radius of the head
+    colour: str = one_of(COLOURS)
+    head_colour: str = one_of(("silver", "charcoal", "gold", "gray"))
+    ring: str = one_of(("silver", "red", "blue", "gold", "white"))
+
+    @property
+    def rise(self) -> float:
+        """Angle (rad) of the axis above the table: it rests on its tail and its head."""
+        return float(np.arcsin((self.head - self.tail) / (self.length - self.head)))
+
+    def axis(self, share: float) -> np.ndarray:
+        """Point (3,) of the axis, 0 at the tail end and 1 at the middle of the head."""
+        a = self.rise
+        start = np.array([-(self.length * np.cos(a)) / 2, 0, self.tail * np.cos(a)])
+        return start + share * (self.length - self.head) * np.array([np.cos(a), 0, np.sin(a)])
+
+    def shape(self) -> Shape:
+        r0, r1, r2, long = self.tail, self.neck, self.head, self.length - self.head
+        turn = quat_multiply(quat_about((0, 1, 0), -self.rise), ALONG_X)
+        body = revolve(
+            [(0, 0), (0.9 * r0, 0), (r0, 0.002), (r1, 0.82 * long), (0.9 * r2, long - 0.42 * r2), (0, long - 0.42 * r2)], 20
+        )
+        angle = np.radians(np.linspace(-28, 90, 8))
+        ball = revolve([(0, -0.47 * r2), *zip(r2 * np.cos(angle[:-1]), r2 * np.sin(angle[:-1]), strict=True), (0, r2)], 20, 60)
+        ring = revolve([(0.95 * r2, -0.004), (1.0 * r2, -0.003), (1.0 * r2, 0.003), (0.95 * r2, 0.004)], 20)
+        head = self.axis(1.0)
+        switch_at = self.axis(0.68) + quat_rotate(turn, (-1, 0, 0)) * 0.94 * r1
+        switch = at(box(0.002, 0.004, 0.011, 0.001), switch_at, turn)
+        circle = np.arange(12) * np.pi / 6
+        tail, neck, flare = (
+            [self.axis(s) + quat_rotate(turn, (r * np.cos(t), r * np.sin(t), 0)) for t in circle]
+            for s, r in ((0.0, r0), (0.82, r1), (1 - 0.42 * r2 / long, 0.9 * r2))
+        )
+        flat = (0.0, 0.35 * r0, 0.0)
+        rest = [self.axis(0.04) * [1, 0, 0] + flat, head * [1, 0, 0] + flat]
+        return Shape(
+            visual=(
+                (at(body, self.axis(0.0), turn), painted(self.colour)),
+                (at(ball, head, turn), metal(self.head_colour)),
+                (at(ring, head, turn), plastic(self.ring)),
+                (switch, plastic(self.ring)),
+            ),
+            collision=convex_collider(tail + neck)
+            + convex_collider(neck + flare)
+            + sphere_collider(r2, head)
+            # flats to rest on, so that it does not roll away
+            + box_collider(0.004, 0.45 * r0, 0.2 * r0, (rest[0][0], 0, 0.2 * r0))
+            + box_collider(0.004, 0.45 * r0, 0.2 * r0, (rest[1][0], 0, 0.2 * r0)),
+            mass=0.25,
+            friction=0.7,
+        )
+
+    def frames(self) -> NamedFrames:
+        def grips(share: float, kind: str, lean: int) -> list[Grasp]:
+            """Pinches whose hand leans back over the tail (lean 1) or over the head (-1), so that two hands find room."""
+            point = self.axis(share)
+            radius = self.tail + (self.neck - self.tail) * share / 0.82
+            pitches = (15, 30, 45, 60, 75, 90)
+            found = bar_pinches([float(point[0])], radius, float(point[2]), pitches, kind=kind, rolls=(-30, -15, 0, 15, 30))
+            return [g for g in found if lean * quat_rotate(g.pose[3:], (1, 0, 0))[0] > -1e-6]
+
+        tail = [g for s in (0.08, 0.16) for g in grips(s, "tail", 1)]
+        neck = [g for s in (0.58, 0.70) for g in grips(s, "neck", -1)]
+        end = self.axis(1.0)
+        top = float(end[2] + self.head)
+        out = self.axis(1.0) - self.axis(0.0)
+        tip = end + self.head * out / np.linalg.norm(out)
+        return NamedFrames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(float(end[0]), 0, top),
+                "head": mark(*tip, normal=out, heading=(0, 0, 1)),
+                "tail": mark(*self.axis(0.0), normal=-out, heading=(0, 0, 1)),
+                "middle": mark(*self.axis(0.45), normal=(0, 0, 1)),
+            },
+            (*tail, *neck),
+        )
+
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"head": self.head_colour}

@@ -1,0 +1,85 @@
+"""A capped bottle with a label, standing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.world.looks.materials import glaze, plastic, print_texture, printed
+from pipeline.world.objects.colliders import convex_collider, cylinder_collider
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import at, band, cylinder, revolve
+from pipeline.world.objects.grasping import side_pinches
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
+from pipeline.world.shapes import Shape
+
+HEIGHT = (0.15, 0.215)
+BODY = ("low", "side", "high")
+"""Kinds of grasps around the body; they hold firmer than one around the neck."""
+
+NECK_PITCHES = (0, 15, 30)
+FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}  # height of the shoulder in body radii
+
+
+@register("bottle")
+@dataclass(frozen=True)
+class Bottle(Parametric):
+    radius: float = between(0.026, 0.032)
+    colour: str = one_of(COLOURS)
+    height: float = between(*HEIGHT, size=TALL)
+    form: str = one_of(tuple(FORMS))
+    neck: float = between(0.42, 0.56, of="radius")  # radius of the cap
+    cap: float = between(0.014, 0.024)  # height of the cap
+    cap_colour: str = one_of(COLOURS, other_than="colour")
+    label_colour: str = one_of(COLOURS, other_than="colour")
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
+
+    @property
+    def body(self) -> float:
+        """Height of the cylindrical part (m)."""
+        return self.height - self.cap - 0.006 - FORMS[self.form] * self.radius
+
+    def outline(self) -> list[tuple[float, float]]:
+        """Silhouette (radius, z) from the base to the top of the neck."""
+        r, b, n, top = self.radius, self.body, self.neck * 0.85, self.height - self.cap
+        share = np.linspace(0, 1, 6)[1:]
+        rise = (top - 0.006 - b) * share
+        fall = 1 - share**1.4 if self.form == "sloping" else np.sqrt(np.maximum(0, 1 - share**2))
+        shoulder = n + (r - n) * fall
+        return [(0.9 * r, 0.0), (r, 0.004), (r, b), *zip(shoulder.tolist(), (b + rise).tolist(), strict=True), (n, top)]
+
+    def shape(self) -> Shape:
+        r, top = self.radius, self.height - self.cap
+        outline = self.outline()
+        skin = revolve([(0, 0), *outline, (0, top)], 24)
+        cap = at(cylinder(self.neck, self.cap, 18, bevel=0.0015), (0, 0, top))
+        label = band(r + 0.0004, 0.22 * self.body, 0.8 * self.body, 24)
+        image = print_texture(self.label_colour, self.colour, "product", self.brand, self.seed)
+        shoulder = [p for p in outline if p[1] >= self.body]
+        rings = [(rho * np.cos(a), rho * np.sin(a), z) for rho, z in shoulder[:-1] for a in np.arange(12) * np.pi / 6]
+        return Shape(
+            visual=((skin, glaze(self.colour)), (cap, plastic(self.cap_colour)), (label, printed(image))),
+            collision=cylinder_collider(r, 0, self.body)
+            + convex_collider(rings)
+            + cylinder_collider(self.neck, top - 0.006, self.height),
+            mass=0.75 * 1000 * np.pi * r**2 * self.body,
+            friction=0.6,
+        )
+
+    def frames(self) -> NamedFrames:
+        r, b = self.radius, self.body
+        top = self.height - self.cap
+        outline = [*self.outline()[:-1], (self.neck, top), (self.neck, self.height)]
+        low = side_pinches(r, 0.4 * b, outline=outline, kind="low")
+        high = side_pinches(r, b - 0.014, outline=outline, kind="high")
+        neck = side_pinches(self.neck, self.height - 0.35 * self.cap, pitches=NECK_PITCHES, outline=outline, kind="neck")
+        return standing(
+            self.height,
+            (*low, *side_pinches(r, 0.65 * b, outline=outline), *high, *neck),
+            cap=mark(0, 0, self.height),
+            middle=mark(0, 0, b / 2),
+        )
+
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"cap": self.cap_colour, "label": self.label_colour}

@@ -1,0 +1,134 @@
+"""Printed boxes: playing cards, tea, coffee."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.poses import quat_about, quat_multiply
+from pipeline.world.looks.materials import print_texture, printed
+from pipeline.world.objects.colliders import box_collider
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import at, box, decal
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import BRANDS, COLOURS, mark, standing
+from pipeline.world.objects.parameters import TALL, Parametric, between, one_of, texture
+from pipeline.world.shapes import Shape
+
+STYLES = ("label", "stripes", "dots", "diamond")
+TEA = (0.08, 0.11)
+COFFEE = (0.105, 0.145)
+
+
+def carton(
+    hx: float, hy: float, hz: float, colour: str, ink: str, style: str, text: str, texture: int, bevel: float = 0.0008
+) -> tuple:
+    """Visual part of a printed box standing on the table."""
+    return at(box(hx, hy, hz, bevel), (0, 0, hz)), printed(print_texture(colour, ink, style, text, texture), 0.55)
+
+
+def upright(turns: float) -> np.ndarray:
+    """Quaternion that stands a decal upright facing -y, turned on by `turns` quarters about z."""
+    return quat_multiply(quat_about((0, 0, 1), turns * np.pi / 2), quat_about((1, 0, 0), np.pi / 2))
+
+
+@register("playing_cards")
+@dataclass(frozen=True)
+class PlayingCards(Parametric):
+    """A boxed deck lying flat, its long side along y."""
+
+    noun = "card deck"
+
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.028, 0.033)
+    length: float = between(0.080, 0.092)
+    height: float = between(0.019, 0.027, size=("thin", "medium-sized", "thick"))
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    brand: str = one_of(BRANDS)
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        hx, hy, hz = self.hx, self.length / 2, self.height / 2
+        return Shape(
+            visual=(carton(hx, hy, hz, self.colour, self.ink, self.style, self.brand, self.seed),),
+            collision=box_collider(hx, hy, hz, (0, 0, hz)),
+            mass=0.1,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.height, box_pinches(self.hx, self.length / 2, self.height / 2, axes="x"))
+
+
+@register("tea_box")
+@dataclass(frozen=True)
+class TeaBox(Parametric):
+    """A standing tea box with a bar code block on each of its four sides."""
+
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.026, 0.033)
+    hy: float = between(0.026, 0.034)
+    height: float = between(*TEA, size=TALL)
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        hx, hy, hz = self.hx, self.hy, self.height / 2
+        code = printed(print_texture("white", "black", "qr", "", self.seed), 0.6)
+        size = 0.8 * min(hx, hy)
+        codes = [
+            (decal(size, size, (x, y, self.code_height), upright(k)), code)
+            for k, (x, y) in enumerate(((0, -hy - 0.0004), (hx + 0.0004, 0), (0, hy + 0.0004), (-hx - 0.0004, 0)))
+        ]
+        return Shape(
+            visual=(carton(hx, hy, hz, self.colour, self.ink, self.style, "TEA", self.seed), *codes),
+            collision=box_collider(hx, hy, hz, (0, 0, hz)),
+            mass=0.12,
+            friction=0.5,
+        )
+
+    @property
+    def code_height(self) -> float:
+        """Height of the middle of the codes (m)."""
+        return 0.25 * self.height
+
+    def frames(self) -> NamedFrames:
+        z, hx, hy = self.code_height, self.hx, self.hy
+        return standing(
+            self.height,
+            box_pinches(hx, hy, self.height / 2),
+            front=mark(0, -hy, z, (0, -1, 0)),
+            back=mark(0, hy, z, (0, 1, 0)),
+            right=mark(hx, 0, z, (1, 0, 0), (0, 1, 0)),
+            left=mark(-hx, 0, z, (-1, 0, 0), (0, 1, 0)),
+        )
+
+
+@register("coffee_box")
+@dataclass(frozen=True)
+class CoffeeBox(Parametric):
+    """A standing coffee box, wider than deep."""
+
+    colour: str = one_of(COLOURS)
+    hx: float = between(0.038, 0.05)
+    hy: float = between(0.026, 0.033)
+    height: float = between(*COFFEE, size=TALL)
+    ink: str = one_of(COLOURS, other_than="colour")
+    style: str = one_of(STYLES)
+    brand: str = one_of(("COFFEE", "MOCHA", "ROAST", "BEANS", "LATTE"))
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        hx, hy, hz = self.hx, self.hy, self.height / 2
+        fold = at(box(0.98 * hx, 0.004, 0.0035), (0, 0, 2 * hz - 0.0035))
+        body = carton(hx, hy, hz - 0.0025, self.colour, self.ink, self.style, self.brand, self.seed, 0.002)
+        return Shape(
+            visual=(body, (fold, printed(print_texture(self.ink, self.colour, "stripes", "", self.seed)))),
+            collision=box_collider(hx, hy, hz, (0, 0, hz)),
+            mass=0.28,
+            friction=0.5,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.height, box_pinches(self.hx, self.hy, self.height / 2, axes="y"))

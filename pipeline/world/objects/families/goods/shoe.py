@@ -1,0 +1,163 @@
+"""A low shoe, its toe towards +x: lofted upper on a sole, with collar, tongue, laces and a stripe."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.poses import quat_about
+from pipeline.world.looks.materials import fabric, plastic, rubber, wrapped
+from pipeline.world.objects.colliders import convex_collider
+from pipeline.world.objects.contract import NamedFrames, register
+from pipeline.world.objects.geometry import at, capsule, ellipse, extrude, loft, revolve, scaled, sphere
+from pipeline.world.objects.grasping import box_pinches
+from pipeline.world.objects.kit import COLOURS, mark
+from pipeline.world.objects.parameters import LARGE, Parametric, between, drawn, one_of, texture
+from pipeline.world.objects.surface import finish
+from pipeline.world.shapes import Mesh, Shape
+
+# Along the shoe from heel (0) to toe (1): half width as a share of the ball's, height of the ridge as a share of the collar's.
+STATIONS = np.array([0.0, 0.04, 0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.87, 0.95, 1.0])
+WIDTHS = np.array([0.42, 0.62, 0.74, 0.77, 0.78, 0.85, 0.95, 1.0, 0.88, 0.62, 0.3])
+RIDGE = np.array([0.80, 0.96, 1.0, 0.97, 0.93, 0.82, 0.68, 0.57, 0.5, 0.42, 0.32])
+
+COLLAR = ((1.0, 0.0), (1.04, 0.45), (0.97, 0.95), (0.87, 0.95), (0.80, 0.4))
+"""Radius and height, as shares, of the padding round the opening."""
+
+
+@register("shoe")
+@dataclass(frozen=True)
+class Shoe(Parametric):
+    length: float = between(0.19, 0.24, size=LARGE)
+    colour: str = one_of(COLOURS)
+    half: float = between(0.036, 0.041)  # half width at the ball
+    sole: float = between(0.016, 0.026)  # thickness of the sole
+    height: float = between(0.075, 0.092)  # of the collar
+    laces: int = drawn(lambda rng, so_far: int(rng.integers(3, 6)))
+    sole_colour: str = one_of(("white", "black", "beige", "gray", "brown"))
+    stripe: str = one_of(COLOURS, other_than="colour")
+    seed: int = texture()
+
+    def x(self, share: np.ndarray | float) -> np.ndarray:
+        """x (m) of a share of the length, from the heel; the origin is under the middle."""
+        return (np.asarray(share) - 0.5) * self.length
+
+    def sections(self) -> np.ndarray:
+        """Upright arches (S,K,3) from heel to toe: straight flanks, a rounded ridge."""
+        flank = np.array([(1.0, 0.0), (1.02, 0.25), (0.97, 0.5), (0.86, 0.72), (0.6, 0.92), (0.25, 1.0)])
+        arch = np.concatenate([flank, flank[::-1] * [-1, 1]])
+        rings = []
+        for s, w, r in zip(STATIONS, WIDTHS, RIDGE, strict=True):
+            y = arch[:, 0] * w * self.half * 0.96
+            z = 0.8 * self.sole + arch[:, 1] * (r * self.height - 0.8 * self.sole)
+            rings.append(np.column_stack([np.full(len(arch), float(self.x(s)) * 0.985), y, z]))
+        return np.array(rings)
+
+    def outline(self, grow: float = 1.0) -> np.ndarray:
+        """Outline (K,2) of the sole, counter-clockwise."""
+        right = np.column_stack([self.x(STATIONS), -grow * WIDTHS * self.half])
+        return np.concatenate([right, right[::-1] * [1, -1]])
+
+    def _top(self, share: float) -> float:
+        return float(np.interp(share, STATIONS, RIDGE)) * self.height
+
+    def _details(self) -> list[tuple[Mesh, str]]:
+        parts = []
+        tilt = float(np.arctan2(self._top(0.42) - self._top(0.72), 0.3 * self.length))
+        for k in range(self.laces):
+            share = 0.47 + 0.2 * k / max(self.laces - 1, 1)
+            lace = at(
+                capsule(0.0024, 0.36 * self.half, 3, 4),
+                (float(self.x(share)), 0, self._top(share) + 0.001),
+                quat_about((1, 0, 0), np.pi / 2),
+            )
+            parts.append((lace, "white" if self.colour not in ("white", "beige") else "charcoal"))
+        ankle, level = (float(self.x(0.21)), 0.0, self._top(0.21)), quat_about((0, 1, 0), 0.06)
+        hole = at(extrude(ellipse(0.150 * self.length, 0.52 * self.half, 18), 0.004), ankle - np.array([0, 0, 0.0018]), level)
+        collar = scaled(revolve(COLLAR, 14, 60), 0.174 * self.length, 0.64 * self.half, 0.015)
+        parts += [(hole, "black"), (at(collar, ankle - np.array([0, 0, 0.0085]), level), self.colour)]
+        tongue = at(
+            scaled(sphere(1.0, 5, 8), 0.032, 0.50 * self.half, 0.004),
+            (float(self.x(0.415)), 0, self._top(0.415) + 0.001),
+            quat_about((0, 1, 0), tilt - 0.42),
+        )
+        parts.append((tongue, self.colour))
+        return parts
+
+    def _stripes(self) -> list[Mesh]:
+        rings = self.sections()
+        flat = rings.reshape(len(rings), -1)
+        found = []
+        for share in (0.52, 0.58, 0.64):
+            ends = [
+                np.array([np.interp(s, STATIONS, column) for column in flat.T]).reshape(rings.shape[1:])
+                for s in (share - 0.014, share + 0.014)
+            ]
+            for flank in (slice(0, 4), slice(8, 12)):
+                found.append(_ribbon(*(end[flank] * [1, 1.02, 1] for end in ends)))
+        return found
+
+    def shape(self) -> Shape:
+        rings = self.sections()
+        tread = 0.28 * self.sole
+        sole = at(extrude(self.outline(1.03), self.sole - tread), (0, 0, tread))
+        upper = loft(rings, crease=60)
+        cloth = wrapped("upper", self.colour, self.seed, 0.75, 256)
+        solid = [convex_collider(_with_floor(rings[a:b])) for a, b in ((0, 5), (4, 8), (7, 11))]
+        return Shape(
+            visual=(
+                (sole, rubber(self.sole_colour)),
+                (
+                    extrude(self.outline(1.045), tread - 0.0003),
+                    rubber("brown" if self.sole_colour == "black" else "charcoal"),
+                ),
+                (upper, cloth),
+                *((m, plastic(self.stripe)) for m in self._stripes()),
+                *((m, fabric(c)) for m, c in self._details()),
+            ),
+            collision=tuple(c for piece in solid for c in piece),
+            mass=0.25 * self.length / 0.22,
+            friction=0.8,
+        )
+
+    def frames(self) -> NamedFrames:
+        x = float(self.x(0.2))
+        z = 0.62 * self.height
+        top = self.height
+        grasps = [
+            g
+            for share, offsets in ((0.2, (-0.5, 0.0, 0.5)), (0.45, (-0.4, 0.0, 0.4)))  # the centre of mass is at 0.45
+            for g in box_pinches(
+                0.1 * self.length,
+                self.half * 0.97 * float(np.interp(share, STATIONS, WIDTHS)),
+                self._top(share) / 2,
+                (float(self.x(share)), 0, self._top(share) / 2),
+                heights=(0.5 * self._top(share), 0.65 * self._top(share)),
+                offsets=offsets,
+                axes="y",
+            )
+        ]
+        return NamedFrames(
+            {
+                "base": mark(0, 0, 0),
+                "top": mark(x, 0, top),
+                "toe": mark(self.length / 2, 0, self.sole, (1, 0, 0), (0, 0, 1)),
+                "heel": mark(x, 0, z),
+            },
+            tuple(grasps),
+        )
+
+    def facts(self) -> dict[str, str]:
+        return super().facts() | {"sole": self.sole_colour, "stripes": self.stripe}
+
+
+def _with_floor(rings: np.ndarray) -> np.ndarray:
+    points = rings.reshape(-1, 3)
+    floor = rings[:, [0, -1]].reshape(-1, 3) * [1.0, 1.05, 0.0]
+    return np.concatenate([points, floor])
+
+
+def _ribbon(a: np.ndarray, b: np.ndarray) -> Mesh:
+    n = len(a)
+    i = np.arange(n - 1)
+    faces = np.concatenate([np.stack([i, i + n + 1, i + n], 1), np.stack([i, i + 1, i + n + 1], 1)])
+    return finish(np.concatenate([a, b]), faces, crease=60)

@@ -1,0 +1,86 @@
+"""Flat things to set others on: a coaster and a large mat."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pipeline.world.looks.materials import fabric, painted, rubber, wood, wrapped
+from pipeline.world.objects.colliders import box_collider, disc
+from pipeline.world.objects.contract import Family, NamedFrames, Words, register
+from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
+from pipeline.world.objects.kit import COLOURS, mark, other, pick, seed, size_word, standing
+from pipeline.world.objects.parameters import LARGE, Parametric, between, one_of, texture
+from pipeline.world.objects.words import describe
+from pipeline.world.shapes import Shape, seen_along
+
+MAT = (0.10, 0.17)
+TONES = {"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS, "painted": COLOURS}
+
+
+@register("coaster")
+@dataclass(frozen=True)
+class Coaster(Parametric):
+    """Round or square, with a ring on it."""
+
+    material: str = one_of(tuple(TONES))
+    colour: str = one_of(TONES, by="material")
+    radius: float = between(0.042, 0.055, size=LARGE)
+    thickness: float = between(0.004, 0.007)
+    form: str = one_of(("round", "square"))
+    ring: str = one_of(COLOURS, other_than="colour")
+    seed: int = texture()
+
+    def shape(self) -> Shape:
+        r, t = self.radius, self.thickness
+        skin = {"wood": wood(self.colour, self.seed), "rubber": rubber(self.colour), "painted": painted(self.colour)}[self.material]
+        body = cylinder(r, t, 28, 0.001) if self.form == "round" else extrude(rounded_rectangle(r, r, 0.15 * r, 3), t, 0.001)
+        ring = revolve([(0.85 * r, t), (0.85 * r, t + 0.0004), (0.7 * r, t + 0.0004), (0.7 * r, t)], 28)
+        return Shape(
+            visual=((body, skin), (ring, painted(self.ring))),
+            collision=disc(r, t) if self.form == "round" else box_collider(r, r, t / 2, (0, 0, t / 2)),
+            mass=700 * np.pi * r * r * t,
+            friction=0.7,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
+
+
+@register("mat")
+@dataclass(frozen=True)
+class Mat(Family):
+    """A rectangular cloth mat with a border."""
+
+    hx: float
+    hy: float
+    thickness: float
+    colour: str
+    border: str
+    seed: int
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, half: tuple[float, float] | None = None, colour: str = "") -> Self:
+        """`half` extents (m) and `colour` are drawn unless given."""
+        drawn, tone = (rng.uniform(*MAT), rng.uniform(0.06, 0.09)), pick(rng, COLOURS)
+        tone = colour or tone
+        hx, hy = half or drawn
+        return cls(hx, hy, rng.uniform(0.003, 0.005), tone, other(rng, COLOURS, tone), seed(rng))
+
+    def shape(self) -> Shape:
+        hx, hy, t = self.hx, self.hy, self.thickness
+        edge = extrude(rounded_rectangle(hx, hy, 0.006, 2), t)
+        inner = at(extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006), (0, 0, t - 0.0002))
+        inner = seen_along(inner, np.eye(2, 3), (2 * hx - 0.016, 2 * hy - 0.016))
+        return Shape(
+            visual=((edge, fabric(self.border)), (inner, wrapped("runner", self.colour, self.seed, 0.95, 256))),
+            collision=box_collider(hx, hy, t / 2, (0, 0, t / 2)),
+            mass=600 * 4 * hx * hy * t,
+            friction=0.9,
+        )
+
+    def frames(self) -> NamedFrames:
+        return standing(self.thickness, centre=mark(0, 0, self.thickness))
+
+    def words(self) -> Words:
+        return describe("mat", "mat", colour=self.colour, size=size_word(self.hx, MAT), border=self.border)

@@ -1,0 +1,125 @@
+"""Turns a running simulation into a state log at the recording rate."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.episode.state_log import CONTACT_DTYPE, Event, StateLog, Touch
+from pipeline.data.names import SIDES
+from pipeline.world.physics.simulation import PHYSICS_HZ, Simulation
+
+Floats = NDArray[np.float64]
+
+CONTACT_EVERY = 8
+"""Contacts are sampled at every eighth physics step (30 Hz), and at the step of the meeting."""
+
+
+class _Rows:
+    """Rows of one kind in an array that doubles when it is full: appending costs the same however long an episode is."""
+
+    def __init__(self, row: NDArray[Any]) -> None:
+        self._held, self._count = np.empty((256, *row.shape), row.dtype), 0
+
+    def append(self, row: Any) -> None:
+        """Add a row at the end."""
+        if self._count == len(self._held):
+            self._held = np.concatenate([self._held, np.empty_like(self._held)])
+        self._held[self._count] = row
+        self._count += 1
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """The rows so far (N,...), a view that later rows do not change."""
+        return self._held[: self._count]
+
+
+class Recorder:
+    """Call `before_step` ahead of every physics step and `after_step` behind it; `log` is the episode so far.
+
+    Frame k is the state after 16 k steps (at 15 Hz over 240 Hz); its action is the command of the interval's last step.
+    The first contacts of the arms in `watched`, none at first, with the target are noted to the physics step, which takes 30 us a
+    step until all have touched it. Raises ValueError when `fps` does not divide the physics rate.
+    """
+
+    def __init__(self, simulation: Simulation, fps: int = 15) -> None:
+        if PHYSICS_HZ % fps:
+            raise ValueError(f"fps {fps} does not divide the physics rate of {PHYSICS_HZ} Hz")
+        self.simulation, self.fps = simulation, fps
+        self._every = PHYSICS_HZ // fps
+        self._columns = tuple(map(_Rows, self._measured()))
+        self._actions = _Rows(np.asarray(simulation.command, float))
+        self._contacts = _Rows(np.zeros((), CONTACT_DTYPE))
+        self._open: dict[tuple[int, int], tuple[float, Floats, int]] = {}
+        self._first = dict[str, Touch]()
+        self.watched: tuple[str, ...] = ()
+        self.extra: list[Event] = []
+        self._capture()
+
+    def after_step(self) -> None:
+        """Note contacts and, at the end of an interval, the frame."""
+        s = self.simulation
+        if s.steps % CONTACT_EVERY == 0 or s.steps == s.touched_at:
+            for a, b, impulse, point, points in s.contacts():
+                if impulse > self._open.get((a, b), (0.0, None))[0]:
+                    self._open[a, b] = (impulse, point, points)
+        if len(self._first) < len(self.watched):
+            self._watch()
+        if s.steps % self._every == 0:
+            self._actions.append(s.command)
+            self._capture()
+
+    def _watch(self) -> None:
+        """Note the first contact with the target of the arms that are watched."""
+        s = self.simulation
+        for side, points in s.target_contacts([side for side in self.watched if side not in self._first]).items():
+            centre = tuple(math.fsum(axis) / len(points) for axis in points.T)
+            poses = tuple(tuple(map(float, pose)) for pose in (s.tcp(side), s.pose(s.target)))
+            self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
+
+    def _measured(self) -> tuple[Floats, ...]:
+        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools (S,7), target velocity (3,)."""
+        s = self.simulation
+        qpos, qvel = s.qpos()
+        tcp = np.stack([s.tcp(side) for side in s.embodiment.sides])
+        return s.poses(), qpos, qvel, s.state_vector(qpos), tcp, s.velocity(s.target)
+
+    def _capture(self) -> None:
+        frame = len(self._columns[0])
+        for pair, strongest in sorted(self._open.items()):
+            self._contacts.append((frame, *pair, *strongest))
+        self._open = {}
+        for column, row in zip(self._columns, self._measured(), strict=True):
+            column.append(row)
+
+    @property
+    def past(self) -> NDArray[np.float64]:
+        """Poses (T,B,7) at the frames so far, and after them those of this moment where it is none of them."""
+        rows = self._columns[0].rows
+        return rows if self.simulation.steps % self._every == 0 else np.concatenate([rows, self.simulation.poses()[None]])
+
+    def log(self) -> StateLog:
+        """The state log up to the last full frame."""
+        s = self.simulation
+        poses, qpos, qvel, state, tcp, velocity = (column.rows for column in self._columns)
+        last = self._actions.rows[-1] if len(self._actions) else s.command
+        return StateLog(
+            times=np.arange(len(poses)) / self.fps,
+            bodies=s.names,
+            poses=poses,
+            joints=s.joint_names,
+            qpos=qpos,
+            qvel=qvel,
+            vector_names=s.embodiment.vector_names,
+            state=state,
+            action=np.concatenate([self._actions.rows, last[None]]),
+            tcp=tcp,
+            target_velocity=velocity,
+            contacts=self._contacts.rows,
+            events=sorted([*s.events, *self.extra], key=lambda e: e.time),
+            touches=[self._first[side] for side in SIDES if side in self._first],
+        )

@@ -1,0 +1,203 @@
+"""SAPIEN things out of specs: the table, bodies, slides and arms of one physics scene, each by one function."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sapien
+from numpy.typing import NDArray
+from sapien.physx import (
+    PhysxArticulation,
+    PhysxArticulationJoint,
+    PhysxCollisionShape,
+    PhysxMaterial,
+    PhysxRigidBaseComponent,
+    PhysxRigidDynamicComponent,
+)
+
+from pipeline.data.names import SIDES
+from pipeline.poses import Pose, compose, frame, inverse
+from pipeline.world.physics.body import TABLE_COLLISION, Body
+from pipeline.world.robots.contract import Arm, Gripper, coupled_value, jaw_positions
+from pipeline.world.robots.urdf import arm_urdf
+from pipeline.world.shapes import Collider
+
+_ROBOT_FRICTION = 1.2
+_TABLE_FRICTION = 0.5
+_SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
+_STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
+_X_TO_Z = sapien.Pose(q=[np.sqrt(0.5), 0, -np.sqrt(0.5), 0])  # SAPIEN's capsules and cylinders lie along x
+
+
+def to_sapien(p: Pose) -> sapien.Pose:
+    """SAPIEN's pose from ours (7,)."""
+    return sapien.Pose(p[:3], p[3:])
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltArm:
+    """An arm in a scene: its articulation, all active joints, and of those the arm's and the jaws in the order of its spec."""
+
+    robot: PhysxArticulation
+    active: list[PhysxArticulationJoint]
+    joints: list[PhysxArticulationJoint]
+    jaws: list[PhysxArticulationJoint]
+    gripper: Gripper
+
+    def drive(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+        """Set the drives of the next physics step: positions and velocities (n+1,) of the joints, then the gripper (0-1, 1/s)."""
+        for joint, position, speed in zip(self.joints, command[:-1], velocity[:-1], strict=True):
+            joint.set_drive_target(position)
+            joint.set_drive_velocity_target(speed)
+        closed, opened = self.gripper.closed, self.gripper.opened
+        value = command[-1] if len(closed) <= 2 else coupled_value(self.gripper, self.jaw_positions(), command[-1])
+        for k, jaw in enumerate(self.jaws):
+            jaw.set_drive_target(closed[k] + value * (opened[k] - closed[k]))
+            jaw.set_drive_velocity_target(velocity[-1] * (opened[k] - closed[k]))
+        self.robot.set_qf(self.robot.compute_passive_force())
+
+    def jaw_positions(self) -> NDArray[np.float64]:
+        """Measured positions (J,) of the jaws, m or rad."""
+        by_name = {joint.name: q for joint, q in zip(self.active, self.robot.qpos, strict=True)}
+        return np.array([by_name[joint.name] for joint in self.jaws], float)
+
+
+def add_table(scene: sapien.Scene) -> PhysxRigidBaseComponent:
+    """Table top and floor; the table top's component."""
+    material = PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
+    builder = scene.create_actor_builder()
+    builder.add_box_collision(to_sapien(TABLE_COLLISION.pose), TABLE_COLLISION.size, material)
+    table = builder.build_static(name="table")
+    floor = scene.create_actor_builder()
+    floor.add_box_collision(sapien.Pose([0, 0, -0.05]), (3.0, 3.0, 0.05), material)
+    floor.build_static(name="floor")
+    return physical(table)
+
+
+def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
+    """A body at a world pose (7,): static where it is fixed, dynamic otherwise."""
+    shape = body.instance.shape()
+    material = PhysxMaterial(shape.friction, shape.friction, 0.0)
+    component = sapien.physx.PhysxRigidStaticComponent() if body.fixed else sapien.physx.PhysxRigidDynamicComponent()
+    for piece in _pieces(shape.collision, material, shape.mass):
+        component.attach(piece)
+    entity = sapien.Entity()
+    entity.name = body.name
+    entity.add_component(component)
+    entity.set_pose(to_sapien(pose))
+    scene.add_entity(entity)
+    return entity
+
+
+def add_slide(body: Body, parent: Body, entity: sapien.Entity, parent_entity: sapien.Entity) -> None:
+    """Make a body with a slide run in its parent, from where it stands."""
+    assert body.slide is not None
+    x = np.asarray(body.slide.axis, float)
+    y = np.array([0.0, 0.0, 1.0])
+    along = frame((0, 0, 0), x, np.cross(np.cross(x, y), x) if abs(x[2]) < 0.9 else np.array([1.0, 0, 0]))
+    drive = sapien.physx.PhysxDriveComponent(physical(entity))
+    drive.set_parent(physical(parent_entity))
+    drive.set_pose_in_child(to_sapien(along))
+    drive.set_pose_in_parent(to_sapien(compose(compose(inverse(parent.pose), body.pose), along)))
+    drive.set_limit_x(body.slide.lower, body.slide.upper)
+    drive.set_limit_y(0.0, 0.0)
+    drive.set_limit_z(0.0, 0.0)
+    drive.set_limit_twist(0.0, 0.0)
+    drive.set_drive_property_swing(*_STIFF)  # SAPIEN's cone and pyramid limits do not hold the two other turns
+    drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
+    entity.add_component(drive)
+
+
+def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
+    """An arm at its base, at home, its gripper open, with its drives set."""
+    builder = _arm_builder(arm, side)
+    builder.set_scene(scene)
+    robot = builder.build()
+    robot.set_root_pose(to_sapien(arm.base))
+    _add_hulls(robot, side, arm)
+    for link in robot.links:
+        link.entity.name = f"{side}_{link.name}"
+    active = list(robot.active_joints)
+    by_name = {j.name: j for j in active}
+    limits = {j.name: j for j in arm.joints}
+    for name in arm.arm_joints:
+        joint = by_name[name]
+        joint.set_drive_properties(arm.stiffness, arm.damping, limits[name].effort, "force")
+        joint.set_friction(0.0)
+    for name in arm.gripper.joints:
+        by_name[name].set_drive_properties(arm.gripper.stiffness, arm.gripper.damping, arm.gripper.force, "force")
+        by_name[name].set_friction(0.0)
+    qpos = dict(zip(arm.arm_joints, arm.home, strict=True)) | dict(
+        zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True)
+    )
+    robot.set_qpos(np.array([qpos[j.name] for j in active]))
+    return BuiltArm(robot, active, [by_name[n] for n in arm.arm_joints], [by_name[n] for n in arm.gripper.joints], arm.gripper)
+
+
+def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
+    """Give links their convex pieces, which the text of a URDF cannot hold."""
+    hulls = {link.name: [c for c in link.collision if c.kind == "convex"] for link in arm.links}
+    material = PhysxMaterial(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
+    for link in robot.links:
+        for piece in hulls[link.name]:
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), material)
+            shape.set_local_pose(to_sapien(piece.pose))
+            shape.set_collision_groups(_groups(side))
+            link.attach(shape)
+
+
+def _groups(side: str) -> list[int]:
+    """Collision groups of an arm's links: no contacts inside one arm, contacts between the arms."""
+    return [1, 1, 1 << 29, 1 + SIDES.index(side)]
+
+
+def rigid_of(entity: sapien.Entity) -> PhysxRigidDynamicComponent | None:
+    """The component of a body that moves, None for a fixed one."""
+    return entity.find_component_by_type(PhysxRigidDynamicComponent)
+
+
+def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
+    """The component that collides, of a body made here. SAPIEN gives the same object every time."""
+    component = entity.components[0]
+    if not isinstance(component, PhysxRigidBaseComponent):
+        raise TypeError(f"{entity.name} has no physics component")
+    return component
+
+
+def _pieces(pieces: Sequence[Collider], material: PhysxMaterial, mass: float) -> list[PhysxCollisionShape]:
+    """Collision shapes with densities that add up to `mass` (kg)."""
+    density = mass / sum(c.weight * c.volume() for c in pieces)
+    shapes = []
+    for c in pieces:
+        at = to_sapien(c.pose)
+        if c.kind == "box":
+            shape = sapien.physx.PhysxCollisionShapeBox(c.size, material)
+        elif c.kind == "sphere":
+            shape = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
+        elif c.kind == "convex":
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material)
+        else:
+            along_x = sapien.physx.PhysxCollisionShapeCylinder if c.kind == "cylinder" else sapien.physx.PhysxCollisionShapeCapsule
+            shape, at = along_x(c.size[0], c.size[1], material), at * _X_TO_Z
+        shape.set_local_pose(at)
+        shape.set_density(density * c.weight)
+        shapes.append(shape)
+    return shapes
+
+
+@lru_cache(maxsize=16)
+def _arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
+    """What SAPIEN makes of an arm's URDF, without a scene: parsing takes longer than 0.1 s of simulation."""
+    loader = sapien.Scene([sapien.physx.PhysxCpuSystem()]).create_urdf_loader()
+    loader.fix_root_link = True
+    loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
+    with os.fdopen(os.memfd_create(side), "w") as file:  # in memory: a worker that is killed here leaves no file behind
+        file.write(arm_urdf(arm))
+        file.flush()
+        builder = loader.parse(f"/proc/self/fd/{file.fileno()}")[0][0]
+    for link in builder.link_builders:
+        link.visual_records.clear()
+        link.collision_groups = _groups(side)
+    return builder

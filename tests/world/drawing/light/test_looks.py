@@ -1,0 +1,62 @@
+"""What the looks add: occlusion against closed forms, edges against the exact coverage, and older looks left alone."""
+
+import numpy as np
+import pytest
+
+from pipeline.data.episode.visuals import FIRST_LOOK
+from pipeline.world.drawing.edges import smoothed
+from pipeline.world.drawing.light.look_versions import LOOKS, look_of
+from pipeline.world.drawing.light.occlusion import LEAST, opened
+from pipeline.world.looks.materials import plastic
+from pipeline.world.objects.geometry import box, revolve, sphere
+from pipeline.world.shapes import Mesh
+
+
+def share(mesh: Mesh) -> np.ndarray:
+    """Share of the room's light at the vertices of a mesh that is a body of its own."""
+    ((shaded, _),) = opened([(mesh, plastic("red"))])
+    return np.linalg.norm(shaded.normals, axis=1)
+
+
+@pytest.mark.parametrize("mesh", [box(0.05, 0.03, 0.02), sphere(0.04)])
+def test_nothing_shades_a_convex_body(mesh: Mesh) -> None:
+    assert share(mesh).min() > 0.97
+
+
+def test_the_inside_of_a_cup_gets_darker_towards_its_bottom_and_the_outside_does_not() -> None:
+    profile = [(0, 0), (0.03, 0), (0.03, 0.09), (0.027, 0.09), *((0.027, z) for z in (0.07, 0.05, 0.03, 0.01)), (0, 0.01)]
+    cup = revolve(profile, 24)
+    light, radius, z = share(cup), np.hypot(*cup.vertices[:, :2].T), cup.vertices[:, 2]
+    inwards = (np.abs(radius - 0.027) < 1e-4) & (np.abs(cup.normals[:, 2]) < 0.1)
+    means = [light[inwards & (np.abs(z - height) < 1e-4)].mean() for height in (0.07, 0.05, 0.03)]
+    assert means[0] > means[1] > means[2] >= LEAST and means[2] < 0.7
+    assert light[(np.abs(radius - 0.03) < 1e-4) & (z > 0.05)].min() > 0.97
+
+
+def test_occlusion_is_the_same_again_and_the_first_look_has_none() -> None:
+    parts = [(box(0.05, 0.03, 0.02), plastic("red"))]
+    assert np.array_equal(opened(parts)[0][0].normals, opened(list(parts))[0][0].normals)
+    assert look_of(FIRST_LOOK).prepare(parts) is parts and opened([]) == []
+    with pytest.raises(ValueError, match="look 9 is unknown: looks are 1, 2"):
+        look_of(9)
+    assert not LOOKS[FIRST_LOOK].edges
+
+
+def test_smoothing_brings_a_slanted_edge_nearer_to_its_exact_coverage() -> None:
+    y, x = np.mgrid[0:48, 0:64]
+    fine = np.mean([(y + dy) > 10 + 0.3 * (x + dx) for dy in np.arange(0.05, 1, 0.1) for dx in np.arange(0.05, 1, 0.1)], axis=0)
+    jagged = np.where((y + 0.5) > 10 + 0.3 * (x + 0.5), 220, 30).astype(np.uint8)
+    image, out = np.dstack([jagged] * 3 + [np.full_like(jagged, 255)]), np.empty((48, 64, 3), np.uint8)
+    smoothed(image, out)
+    exact = 30 + 190 * fine
+    inner = (slice(2, -2), slice(2, -2))
+    assert np.abs(out[..., 0] - exact)[inner].mean() < 0.6 * np.abs(jagged - exact)[inner].mean()
+    assert np.array_equal(out[0], image[0, :, :3]) and np.array_equal(out[40:, :8], image[40:, :8, :3])
+
+
+def test_smoothing_leaves_grain_and_slopes_alone() -> None:
+    rng = np.random.default_rng(0)
+    grain = (120 + np.arange(64)[None] + rng.integers(-4, 5, (48, 64))).astype(np.uint8)
+    image, out = np.dstack([grain] * 3 + [np.full_like(grain, 255)]), np.empty((48, 64, 3), np.uint8)
+    smoothed(image, out)
+    assert np.array_equal(out, image[..., :3])
