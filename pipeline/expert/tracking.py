@@ -7,7 +7,8 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun
-from pipeline.expert.reactive.controller import SAME_BRANCH, part_of
+from pipeline.expert.limiter import WINDOW, Limiter
+from pipeline.expert.reactive.controller import CLOSE, SAME_BRANCH, part_of
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner
@@ -25,42 +26,79 @@ AT_REST = 1e-3
 STOPPING = 0.06
 """Time constant (s) with which a hand comes to rest after the meeting."""
 
+STOPPED = 1e-6
+"""rad/s or m/s; commands that are slower may end: a stop from there is a jerk of 0.06 rad/s3."""
+
+AHEAD = WINDOW // 2
+"""Physics steps by which the limiter is told earlier where to go, because its commands follow as much later."""
+
 
 def carried_along(
     planner: Planner, plan: tuple[Floats, Floats], run: SkillRun, target: Callable[[Floats], Pose], met: int
-) -> Floats:
-    """Commands (N,A) of a plan of commands and velocities whose arms of `run` move as the target does.
+) -> tuple[Floats, Floats]:
+    """Commands (M,A) and velocities of a plan (N,A) of both, whose arms of `run` move as the target does; M >= N.
 
     The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last approach begins the hand is
     displaced as `target(t)` (7,) is from there, before that by a growing part of it, from the start of the run on. After the
-    meeting it comes to rest. Raises PlanFailure("track_unreachable").
+    meeting it comes to rest, in rows after the plan's if need be. The commands keep the limits of velocity, acceleration and jerk: where the target's motion asks for
+    more, the hand is late. Raises PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at the
+    meeting by more than CLOSE.
     """
     commands, velocities = plan
-    found, rows = commands.copy(), np.unique([*range(run.start, len(commands), KNOTS), met, len(commands) - 1])
-    times = (rows + 1) / PHYSICS_HZ
-    meeting = (met + 1) / PHYSICS_HZ
+    goals, column, hands = commands.copy(), 0, list[tuple[str, slice]]()
+    for side in planner.embodiment.sides:
+        joints = slice(column, column + len(planner.home(side)))
+        if side in run.arms:
+            near = _approach_begins(velocities[:, joints], run.start, met)
+            goals[run.start :, joints] += _shifts(planner, side, commands[:, joints], (run.start, near, met), target)
+            hands.append((side, joints))
+        column = joints.stop + 1
+    moved, speeds = _limited(planner, goals, run.start)
+    more = ((0, len(moved) - len(commands)), (0, 0))
+    found, found_speeds = np.pad(commands, more, mode="edge"), np.pad(velocities, more)
+    for side, joints in hands:
+        off = planner.fk(side, moved[met, joints])[:3] - planner.fk(side, goals[met, joints])[:3]
+        if np.linalg.norm(off) > CLOSE:
+            late = f"the {side} hand is {1e3 * float(np.linalg.norm(off)):.0f} mm late at the meeting"
+            raise PlanFailure("track_unreachable", f"{late}: the target turns too sharply before it")
+        found[:, joints], found_speeds[:, joints] = moved[:, joints], speeds[:, joints]
+    return found, found_speeds
+
+
+def _shifts(planner: Planner, side: str, q: Floats, rows: tuple[int, int, int], target: Callable[[Floats], Pose]) -> Floats:
+    """Offsets (M,n) of the joints `q` (N,n) of an arm, from row `start` to the end, that carry its hand along with the target.
+
+    `rows` are (start, near, met): the share of the target's displacement grows from `start` to `near`.
+    """
+    start, near, met = rows
+    knots = np.unique([*range(start, len(q), KNOTS), met, len(q) - 1])
+    times, meeting = (knots + 1) / PHYSICS_HZ, (met + 1) / PHYSICS_HZ
     late = np.maximum(times - meeting, 0.0)
     where = target(np.minimum(times, meeting) + STOPPING * (1 - np.exp(-late / STOPPING)))
-    end, column = target(np.array([meeting]))[0], 0
-    for side in planner.embodiment.sides:
-        n = len(planner.home(side))
-        if side in run.arms:
-            near = _approach_begins(velocities[:, column : column + n], run.start, met)
-            share = np.clip((rows - run.start) / max(1, near - run.start), 0.0, 1.0)
-            share = share * share * (3 - 2 * share)
-            shift, shifts = np.zeros(n), list[Floats]()
-            for row, pose, part in zip(rows, where, share, strict=True):
-                q = commands[row, column : column + n]
-                goal = compose(part_of(end, pose, part), planner.fk(side, q))
-                solved, ok = ik_many(planner.chains[side], goal[None], (q + shift)[None], SAME_BRANCH)
-                if not ok[0]:
-                    raise PlanFailure("track_unreachable", f"the {side} arm cannot move along with the target")
-                shift = solved[0] - q
-                shifts.append(shift)
-            spline = CubicSpline(rows, np.array(shifts), bc_type="clamped")
-            found[run.start :, column : column + n] += spline(np.arange(run.start, len(commands)))
-        column += n + 1
-    return found
+    end = target(np.array([meeting]))[0]
+    share = np.clip((knots - start) / max(1, near - start), 0.0, 1.0)
+    share = share * share * (3 - 2 * share)
+    shift, shifts = np.zeros(q.shape[1]), list[Floats]()
+    for row, pose, part in zip(knots, where, share, strict=True):
+        goal = compose(part_of(end, pose, part), planner.fk(side, q[row]))
+        solved, ok = ik_many(planner.chains[side], goal[None], (q[row] + shift)[None], SAME_BRANCH)
+        if not ok[0]:
+            raise PlanFailure("track_unreachable", f"the {side} arm cannot move along with the target")
+        shift = solved[0] - q[row]
+        shifts.append(shift)
+    return CubicSpline(knots, np.array(shifts), bc_type="clamped")(np.arange(start, len(q)))
+
+
+def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Floats]:
+    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, at rest at both ends, and their velocities."""
+    ahead = np.concatenate([goals, np.repeat(goals[-1:], AHEAD, axis=0)])[AHEAD:]
+    speeds = np.diff(ahead, axis=0, prepend=ahead[:1]) * PHYSICS_HZ
+    limiter = Limiter(goals[max(0, start - 1)], *planner.command_limits())
+    followed = [limiter.follow(ahead[row], speeds[row]) for row in range(start, len(goals))]
+    while np.abs(followed[-1][1]).max() > STOPPED:
+        followed.append(limiter.follow(ahead[-1], np.zeros_like(ahead[-1])))
+    rows, rates = (np.array(column) for column in zip(*followed, strict=True))
+    return np.concatenate([goals[:start], rows]), np.concatenate([np.zeros((start, goals.shape[1])), rates])
 
 
 def _approach_begins(velocities: Floats, start: int, met: int) -> int:

@@ -65,6 +65,16 @@ class Planner:
         """Home joints (n,) of a side."""
         return np.array(self.embodiment.arms[side].home)
 
+    def command_limits(self) -> tuple[Floats, Floats]:
+        """Speed (A,) and acceleration (A,) of all commands, jaws included, per s and s2."""
+        speeds, accelerations = list[Floats](), list[Floats]()
+        for side, arm in self.embodiment.arms.items():
+            gripper, limits = arm.gripper, self.limits[side]
+            travel = abs(gripper.opened[0] - gripper.closed[0])
+            speeds.append(np.append(limits.speed, gripper.speed / travel))
+            accelerations.append(np.append(limits.acceleration, LIMITS.acceleration / travel))
+        return np.concatenate(speeds), np.concatenate(accelerations)
+
     def arms_apart(self, left: Floats, right: Floats) -> bool:
         """Whether the arms do not touch each other, the table or the furniture along joint rows (K,n) of both, NO_ARM for none."""
         return self._alone.first_blocked(left, right) is None

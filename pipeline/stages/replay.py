@@ -1,6 +1,6 @@
 """Stage 3: the recorded plan against the moving target, on one clock; what follows the meeting is planned live."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,9 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     actor = scene.start(motion, fps, STAGE)
     actor.recorder.watched = SIDES
     with failing_as(STAGE, actor):
-        actor.play(*commands(actor, dry, motion), dry.runs)
+        rows, velocities = commands(actor, dry, motion)
+        runs = [replace(run, end=len(rows)) if run.end == len(dry.commands) else run for run in dry.runs]
+        actor.play(rows, velocities, runs)
         if not actor.simulation.touched_by:
             raise Failure(STAGE, "missed", f"nothing touched the {scene.task.target} at the meeting")
         actor.held = dict(dry.held)
@@ -49,8 +51,7 @@ def commands(actor: Actor, dry: DryRun, motion: TargetMotion) -> tuple[NDArray[n
     if tracking is None or not motion.level:
         return dry.commands, dry.velocities
     met = min(round(dry.meeting * PHYSICS_HZ), len(dry.commands)) - 1
-    moved = carried_along(actor.planner, (dry.commands, dry.velocities), tracking, motion.pose, met)
-    return moved, dry.velocities + np.gradient(moved - dry.commands, 1 / PHYSICS_HZ, axis=0)
+    return carried_along(actor.planner, (dry.commands, dry.velocities), tracking, motion.pose, met)
 
 
 def finish(scene: Scene, actor: Actor, stage: str) -> Replay:

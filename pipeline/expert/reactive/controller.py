@@ -6,14 +6,13 @@ import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.expert.reactive.imagination import Plan
-from pipeline.expert.reactive.limiter import LAG, Limiter
+from pipeline.expert.limiter import LAG, Limiter
 from pipeline.expert.reactive.prediction import Track
-from pipeline.planning.budgets import LIMITS, IkBudget
+from pipeline.planning.budgets import IkBudget
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import Planner
 from pipeline.poses import Floats, Pose, compose, inverse, quat_about, quat_conjugate, quat_multiply
-from pipeline.world.robots.contract import Embodiment
 
 Command = tuple[Floats, Floats]
 """Drive targets (A,) of a physics step and their velocities."""
@@ -64,7 +63,7 @@ class ReactiveExpert:
 
     def __init__(self, planner: Planner, command: Floats) -> None:
         self._planner = planner
-        self.limiter = Limiter(command, *_limits(planner))
+        self.limiter = Limiter(command, *planner.command_limits())
         self.stalled, self.beyond = 0, 0
         """Control periods near the target in which the hand did not go nearer, and the last ones in a row in which it could not
         follow the target."""
@@ -215,15 +214,3 @@ def _at(commands: Floats, row: float) -> Floats:
     """The command (A,) at a fractional row."""
     low = min(int(row), len(commands) - 1)
     return commands[low] + (row - low) * (commands[min(low + 1, len(commands) - 1)] - commands[low])
-
-
-def _limits(planner: Planner) -> tuple[Floats, Floats]:
-    """Speed and acceleration (A,) of all commands, jaws included."""
-    speeds, accelerations = list[Floats](), list[Floats]()
-    embodiment: Embodiment = planner.embodiment
-    for side, arm in embodiment.arms.items():
-        gripper, limits = arm.gripper, planner.limits[side]
-        travel = abs(gripper.opened[0] - gripper.closed[0])
-        speeds.append(np.append(limits.speed, gripper.speed / travel))
-        accelerations.append(np.append(limits.acceleration, LIMITS.acceleration / travel))
-    return np.concatenate(speeds), np.concatenate(accelerations)

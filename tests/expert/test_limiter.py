@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.reactive.limiter import LAG, Limiter
+from pipeline.expert.limiter import LAG, Limiter
 from pipeline.planning.budgets import LIMITS
 
 
