@@ -38,11 +38,12 @@ def carried_along(
 ) -> tuple[Floats, Floats]:
     """Commands (M,A) and velocities of a plan (N,A) of both, whose arms of `run` move as the target does; M >= N.
 
-    The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last approach begins the hand is
-    displaced as `target(t)` (7,) is from there, before that by a growing part of it, from the start of the run on. After the
-    meeting it comes to rest, in rows after the plan's if need be. The commands keep the limits of velocity, acceleration and jerk: where the target's motion asks for
-    more, the hand is late. Raises PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at the
-    meeting by more than CLOSE.
+    The plan meets a target that stands at `target(T)`, in row `met`. From where the run's last approach begins
+    the hand is displaced as `target(t)` (7,) is from there, before that by a growing part of it, from the start
+    of the run on. After the meeting it comes to rest, in rows after the plan's if need be. The commands keep the
+    limits of velocity, acceleration and jerk: where the target's motion asks for more, the hand is late. Raises
+    PlanFailure("track_unreachable") if an arm does not reach that far, or if its hand is late at the meeting by
+    more than CLOSE.
     """
     commands, velocities = plan
     goals, column, hands = commands.copy(), 0, list[tuple[str, slice]]()
@@ -90,7 +91,9 @@ def _shifts(planner: Planner, side: str, q: Floats, rows: tuple[int, int, int], 
 
 
 def _limited(planner: Planner, goals: Floats, start: int) -> tuple[Floats, Floats]:
-    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, at rest at both ends, and their velocities."""
+    """Commands (M,A) that follow `goals` (N,A) from row `start` on within the limits, and their velocities.
+
+    They are at rest at both ends."""
     ahead = np.concatenate([goals, np.repeat(goals[-1:], AHEAD, axis=0)])[AHEAD:]
     speeds = np.diff(ahead, axis=0, prepend=ahead[:1]) * PHYSICS_HZ
     limiter = Limiter(goals[max(0, start - 1)], *planner.command_limits())

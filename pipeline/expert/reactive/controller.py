@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.reactive.imagination import Plan
 from pipeline.expert.limiter import LAG, Limiter
+from pipeline.expert.reactive.imagination import Plan
 from pipeline.expert.reactive.prediction import Track
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.kinematics import ik_many
