@@ -27,12 +27,12 @@ import numpy as np
 import pipeline.run.build as building
 from benchmarks.hardware import hardware
 from pipeline.annotate.overlays import annotation_sheet
+from pipeline.crew.pool import Pool
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.ledger.stamps import file_stamp
 from pipeline.report.page import refresh
-from pipeline.run.engine.pool import Pool
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob

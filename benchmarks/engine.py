@@ -15,8 +15,8 @@ from contextlib import closing
 from functools import partial
 
 from benchmarks.hardware import hardware
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Done, Limit, Pool
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Done, Limit, Pool
 
 
 def sleeper(seconds: float) -> Callable[[int], int]:

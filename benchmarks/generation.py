@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hardware import hardware
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Done, Limit, Pool
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Done, Limit, Pool
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.study.rows import markdown
+from pipeline.crew.pool import SINGLE_THREAD, Pool
 from pipeline.data.names import MOUNTED
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
@@ -15,7 +16,6 @@ from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.run.engine.pool import SINGLE_THREAD, Pool
 from pipeline.run.evaluation import answer_together, runner
 
 POLICY = '''

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Done, Limit, Pool
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Done, Limit, Pool
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, slot_worker

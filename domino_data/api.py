@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pipeline.crew.pool import Pool
     from pipeline.data.dataset import Dataset
     from pipeline.data.recipe.model import Recipe
     from pipeline.data.setup import Setup
@@ -12,7 +13,6 @@ if TYPE_CHECKING:
     from pipeline.evaluate.evaluate import Outcome
     from pipeline.evaluate.policies.policy import Policy
     from pipeline.run.build import BuildResult
-    from pipeline.run.engine.pool import Pool
 
 type Place = str | Path
 type Wanted = Recipe | Mapping[str, Any] | Place
@@ -131,6 +131,7 @@ def _recipe(given: "Wanted") -> "Recipe":
 
 
 def _pool(workers: int) -> "Pool":
-    from pipeline.run.engine.pool import Pool, pick_executor
+
+    from pipeline.crew.pool import Pool, pick_executor
 
     return Pool(*pick_executor("auto", workers))

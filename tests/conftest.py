@@ -8,6 +8,9 @@ import pytest
 import typer.main
 from hypothesis import settings
 
+from pipeline.crew.pool import Pool
+from pipeline.crew.ray_session import session
+
 # what tests import stays: to look for garbage among it takes a tenth of the time of the imports
 gc.disable()
 
@@ -22,7 +25,7 @@ LEROBOT = (
 """Tests that import lerobot, which takes 8 s of CPU."""
 
 SLOW = (
-    *("run/test_on_a_store.py", "run/test_build.py", "run/test_faults.py", "run/test_renew.py", "run/engine/test_ray_session.py"),
+    *("run/test_on_a_store.py", "run/test_build.py", "run/test_faults.py", "run/test_renew.py", "crew/test_ray_session.py"),
     *("run/test_render.py", "evaluate/test_evaluate.py", "tasks/test_tasks.py"),
 )
 """Files with tests of 4 s and more."""
@@ -54,4 +57,11 @@ def one_parser_for_all_commands():
     """A process makes the parser of its command line once, which is most of what a refused command costs: so do the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
+@pytest.fixture(scope="module")
+def ray_session():
+    """Ray with two workers for the tests of a module."""
+    with session(Pool("ray", 2)):
         yield

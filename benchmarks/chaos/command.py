@@ -18,6 +18,7 @@ from typing import Any
 import pipeline.run.build as building
 from benchmarks.chaos.traps import CONTROL, Control, die, install
 from pipeline import cli
+from pipeline.crew.pool import Pool
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import Episode, EpisodeFile
@@ -30,7 +31,6 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
-from pipeline.run.engine.pool import Pool
 from pipeline.run.slot import fill as filling
 from pipeline.run.slot.fill import SlotJob, slot_worker
 from pipeline.run.slot.make import Images, stored_images

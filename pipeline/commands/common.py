@@ -10,15 +10,15 @@ from typing import Annotated, Any, cast
 
 import typer
 
+from pipeline.crew.pool import EXECUTORS, Pool, pick_executor
+from pipeline.crew.progress import SHOWN, Kind
+from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
 from pipeline.data.findings import Finding
 from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
-from pipeline.run.engine.pool import EXECUTORS, Pool, pick_executor
-from pipeline.run.engine.progress import SHOWN, Kind
-from pipeline.run.engine.signals import Stopped, stop_on_signal
 
 GIVEN_UP = 3
 """Exit code of a build that gave slots up: everything else went well, but the dataset lacks episodes (docs/quickstart.md)."""

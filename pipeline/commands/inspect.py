@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, pool_of, print_result
+from pipeline.crew.pool import Pool
 from pipeline.data.dataset import Dataset
-from pipeline.run.engine.pool import Pool
 
 FEW = 50  # slots that are judged sooner than workers are started
 MOST_FRAMES = 100_000  # more than any episode has

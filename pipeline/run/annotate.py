@@ -15,12 +15,12 @@ from pipeline.annotate.selection import STAGES, Absent, build_for_dry_run, build
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import Outcome, StageWorker
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
+from pipeline.crew.ray_session import session
 from pipeline.data.annotations import annotation_path
 from pipeline.data.atomic import sweep
 from pipeline.data.store.lock import exclusive
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
-from pipeline.run.engine.ray_session import session
 
 LEASE = 8  # most episodes handed to a worker at once: enough for its prefetch thread to run ahead
 EPISODE_SECONDS = 1200.0

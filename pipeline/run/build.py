@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool, Strikes
+from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
+from pipeline.crew.ray_session import session
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.brought import Brought
 from pipeline.data.dataset import Dataset, DatasetError
@@ -22,10 +26,6 @@ from pipeline.data.store.urls import with_urls
 from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run.drawing import draw_all, work_of
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
-from pipeline.run.engine.progress import SHOWN, Kind, Metrics, Progress
-from pipeline.run.engine.ray_session import session
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.identity.sources import installed_version

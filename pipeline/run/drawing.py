@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from tqdm import tqdm
 
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
 from pipeline.run.slot.running import NodeCheck

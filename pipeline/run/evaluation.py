@@ -6,6 +6,8 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any
 
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool, Strikes
 from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
@@ -17,8 +19,6 @@ from pipeline.evaluate.policies.policy import PolicyError, PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.probe import PROMPT
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes
 from pipeline.run.identity import sources
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.world.robots import get_embodiment

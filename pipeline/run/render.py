@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
+from pipeline.crew.pool import Pool
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
@@ -15,7 +16,6 @@ from pipeline.data.store.lock import exclusive
 from pipeline.report.page import refresh
 from pipeline.run.build import ATTEMPT_SECONDS, provenance
 from pipeline.run.drawing import draw_all, work_of
-from pipeline.run.engine.pool import Pool
 from pipeline.run.mend import from_source, mend_assets
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.drawing.vulkan import ensure_renderer

@@ -3,8 +3,6 @@
 import pytest
 from filelock import FileLock
 
-from pipeline.run.engine.pool import Pool
-from pipeline.run.engine.ray_session import session
 from tests.run.command import WANTED, inside
 
 
@@ -18,13 +16,6 @@ def built(tmp_path_factory, worker_id):
             code, _, err = inside("build", *WANTED, "--out", shared, "--quiet", "--executor", "inline")
             assert code == 0, err
     return shared
-
-
-@pytest.fixture(scope="module")
-def ray_session():
-    """Ray with two workers for the tests of a module."""
-    with session(Pool("ray", 2)):
-        yield
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from pipeline.annotate.flow_stage import FlowStage
 from pipeline.annotate.options import AnnotateOptions, FlowOptions
 from pipeline.annotate.stage import Result
 from pipeline.annotate.store import episode_paths
+from pipeline.crew.pool import Pool
 from pipeline.run import annotate as module
 from pipeline.run.annotate import Execution, annotate, leases, outcomes
-from pipeline.run.engine.pool import Pool
 from tests.synthetic import episode_path, make_episode
 
 OPTIONS = AnnotateOptions(flow=FlowOptions(stride=2))

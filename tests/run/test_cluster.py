@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool
 from tests.run.command import WANTED, contents, start
 from tests.run.processes import parents, title, wait_for
 

@@ -13,12 +13,12 @@ import pytest
 from filelock import FileLock
 
 from benchmarks.chaos.compare import compare
+from pipeline.crew.pool import Pool
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.reading import printable
 from pipeline.data.sealed import seal
 from pipeline.run.annotate import annotate
 from pipeline.run.build import build
-from pipeline.run.engine.pool import Pool
 from pipeline.run.identity import slot_keys as keys
 from pipeline.run.names import recipe_from
 from pipeline.run.state import DONE, read_states

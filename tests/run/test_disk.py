@@ -5,12 +5,12 @@ import os
 
 import pytest
 
+from pipeline.crew.pool import Done
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.ledger.stamps import file_stamp
 from pipeline.run import build
-from pipeline.run.engine.pool import Done
 from pipeline.run.identity.slot_keys import slot_keys
 from tests.run.command import WANTED, inside
 

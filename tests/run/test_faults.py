@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.crew.pool import Limit, Pool
 from pipeline.data.atomic import temporary_name
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe
 from pipeline.run import build as build_module
-from pipeline.run.engine.pool import Limit, Pool
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import fill as slot

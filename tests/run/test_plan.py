@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.crew.progress import Bar, JsonLines, Progress
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import parse_recipe
-from pipeline.run.engine.progress import Bar, JsonLines, Progress
 from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, plan, typical
 from pipeline.run.typical import mean_frames
 from tests.data.test_dataset import KEYS, attempt_row

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
 
+from pipeline.crew.pool import Pool
 from pipeline.data.brought import _held_textures
 from pipeline.data.cameras import CameraType, visible
 from pipeline.data.dataset import Dataset, DatasetError
@@ -23,7 +24,6 @@ from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.keys import file_hash
 from pipeline.run import drawing
 from pipeline.run.build import build
-from pipeline.run.engine.pool import Pool
 from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw

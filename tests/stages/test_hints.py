@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pipeline
+from pipeline.crew.pool import Died
 from pipeline.motion.planar.judge import REASONS
-from pipeline.run.engine.pool import Died
 from pipeline.stages.failure import no_success
 from pipeline.stages.hints import HINTS, NO_MOTION_HINTS, hint
 

@@ -23,8 +23,8 @@ print(json.dumps({"device": device, "seconds": time.perf_counter() - began, "sha
 
 RAY = """
 import json, time
-from pipeline.run.engine.pool import Pool
-from pipeline.run.engine.ray_session import session
+from pipeline.crew.pool import Pool
+from pipeline.crew.ray_session import session
 began = time.perf_counter()
 with session(Pool("ray", 1)):
     import ray

@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
+from pipeline.crew.ray_session import session
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.entries import Files
 from pipeline.data.ledger.files import group_of
@@ -20,9 +23,6 @@ from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.store.lock import Busy, exclusive
 from pipeline.data.store.mirror import free_space, mirror_of
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, Limit, Pool, Strikes
-from pipeline.run.engine.ray_session import session
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import DONE, OPEN, SlotState, states
 from pipeline.run.verify import layout

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from pipeline.run.engine import ray_session
-from pipeline.run.engine.pool import EngineError
+from pipeline.crew import ray_session
+from pipeline.crew.pool import EngineError
 
 
 @pytest.mark.parametrize(("answer", "said"), [(b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else"), (None, "timed out")])

@@ -12,9 +12,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from pipeline.run.engine.guard import guard_directory
-from pipeline.run.engine.pool import SINGLE_THREAD, EngineError, Pool
-from pipeline.run.engine.signals import defer_signals
+from pipeline.crew.guard import guard_directory
+from pipeline.crew.pool import SINGLE_THREAD, EngineError, Pool
+from pipeline.crew.signals import defer_signals
 
 _LOOPBACK = "127.0.0.1"
 _STORE_BYTES = 80_000_000

@@ -6,7 +6,7 @@ import weakref
 
 import pytest
 
-from pipeline.run.engine.signals import Stopped, stop_on_signal
+from pipeline.crew.signals import Stopped, stop_on_signal
 
 
 class Thing:

@@ -16,11 +16,11 @@ from typing import Any, Literal
 import ray
 from ray.exceptions import RayError, RayTaskError, TaskCancelledError
 
+from pipeline.crew.guard import find_children
+from pipeline.crew.pool import Check, Died, Done, EngineError, Limit, Make, Pool
+from pipeline.crew.ray_session import session
 from pipeline.data.errors import DominoError
 from pipeline.plugins import Snapshot
-from pipeline.run.engine.guard import find_children
-from pipeline.run.engine.pool import Check, Died, Done, EngineError, Limit, Make, Pool
-from pipeline.run.engine.ray_session import session
 
 _START_SECONDS = 300.0
 """What a new worker may take before it can be given a job: a place on the cluster, a process, imports."""

@@ -14,10 +14,10 @@ from urllib.request import urlopen
 
 import pytest
 
+from pipeline.crew.pool import Pool
+from pipeline.crew.ray_session import session
 from pipeline.data.dataset import Dataset
 from pipeline.run.doctor.alive import RAY, judge_ray
-from pipeline.run.engine.pool import Pool
-from pipeline.run.engine.ray_session import session
 from pipeline.run.verify.dataset import verify
 from tests.run.processes import below, listening, of_session, shared_memory, title, wait_for, workers
 
@@ -28,9 +28,9 @@ LEFTOVER = "127.0.0.1:1"
 DRIVER = """
 import sys, time
 from collections import deque
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Limit, Pool
-from pipeline.run.engine.signals import Stopped, stop_on_signal
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Limit, Pool
+from pipeline.crew.signals import Stopped, stop_on_signal
 
 def make():
     return time.sleep

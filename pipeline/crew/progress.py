@@ -10,10 +10,10 @@ from typing import IO, Any, Literal
 
 from tqdm import tqdm
 
+from pipeline.crew.pool import Pool
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.ledger.table import PLACE
 from pipeline.data.recipe.model import Slot
-from pipeline.run.engine.pool import Pool
 
 Kind = Literal["bar", "json", "none"]
 

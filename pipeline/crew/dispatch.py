@@ -7,8 +7,8 @@ engine knows no simulator and no dataset.
 from collections import deque
 from collections.abc import Generator
 
+from pipeline.crew.pool import Check, Died, Done, Limit, Make, Pool
 from pipeline.memory import freeze_garbage
-from pipeline.run.engine.pool import Check, Died, Done, Limit, Make, Pool
 
 
 def run[J, R](
@@ -37,6 +37,6 @@ def run[J, R](
                 yield Done(job, work(job))
         return
     # Ray takes half a second to import
-    from pipeline.run.engine.ray_workers import run_on_ray
+    from pipeline.crew.ray_workers import run_on_ray
 
     yield from run_on_ray(make, jobs, pool, limit, gpus, check)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.run.engine.dispatch import run
-from pipeline.run.engine.pool import Died, Done, EngineError, Limit, Pool, Strikes, pick_executor
-from pipeline.run.engine.ray_session import session
+from pipeline.crew.dispatch import run
+from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool, Strikes, pick_executor
+from pipeline.crew.ray_session import session
 from tests.run.processes import title
 
 LONG = Limit[object](lambda _: 60.0)

@@ -4,11 +4,11 @@ import pytest
 
 pytest.importorskip("ray")
 
+from pipeline.crew.pool import Pool
+from pipeline.crew.progress import COUNTERS, Metrics
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe
-from pipeline.run.engine.pool import Pool
-from pipeline.run.engine.progress import COUNTERS, Metrics
 
 KEYS = SlotKeys(Key({}), Key({}), Key({}))
 CELL = {"task": "click_bell", "embodiment": "aloha-agilex", "level": "2", "alpha": "0.1", "domain": "clean"}
