@@ -6,11 +6,15 @@ from typing import overload
 class XMLSyntaxError(SyntaxError): ...
 
 class XMLParser:
-    def __init__(self, *, resolve_entities: bool = ..., no_network: bool = ...) -> None: ...
+    def __init__(self, *, resolve_entities: bool = ..., no_network: bool = ..., huge_tree: bool = ...) -> None: ...
 
 class DocInfo:
     @property
     def doctype(self) -> str: ...
+
+class QName:
+    def __init__(self, element: _Element) -> None: ...
+    localname: str
 
 class _ElementTree:
     @property

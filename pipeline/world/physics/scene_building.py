@@ -1,9 +1,7 @@
 """SAPIEN things out of specs: the table, bodies, slides and arms of one physics scene, each by one function."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import sapien
@@ -17,14 +15,12 @@ from sapien.physx import (
     PhysxRigidDynamicComponent,
 )
 
-from pipeline.data.names import SIDES
 from pipeline.poses import Pose, compose, frame, inverse
+from pipeline.world.physics.articulation import arm_builder, groups, material
 from pipeline.world.physics.body import TABLE_COLLISION, Body
 from pipeline.world.robots.contract import Arm, Gripper, coupled_value, jaw_positions
-from pipeline.world.robots.urdf import arm_urdf
 from pipeline.world.shapes import Collider
 
-_ROBOT_FRICTION = 1.2
 _TABLE_FRICTION = 0.5
 _SLIDE_DAMPING = 60.0  # N s/m, what a drawer on wooden runners feels like
 _STIFF = (1e4, 1e2)  # N m / rad and N m s / rad
@@ -112,7 +108,7 @@ def add_slide(body: Body, parent: Body, entity: sapien.Entity, parent_entity: sa
 
 def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
     """An arm at its base, at home, its gripper open, with its drives set."""
-    builder = _arm_builder(arm, side)
+    builder = arm_builder(arm, side)
     builder.set_scene(scene)
     robot = builder.build()
     robot.set_root_pose(to_sapien(arm.base))
@@ -137,20 +133,15 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
 
 
 def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
-    """Give links their convex pieces, which the text of a URDF cannot hold."""
+    """Give links their convex pieces, which are in memory."""
     hulls = {link.name: [c for c in link.collision if c.kind == "convex"] for link in arm.links}
-    material = PhysxMaterial(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
+    surface = material()
     for link in robot.links:
         for piece in hulls[link.name]:
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), material)
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface)
             shape.set_local_pose(to_sapien(piece.pose))
-            shape.set_collision_groups(_groups(side))
+            shape.set_collision_groups(groups(side))
             link.attach(shape)
-
-
-def _groups(side: str) -> list[int]:
-    """Collision groups of an arm's links: no contacts inside one arm, contacts between the arms."""
-    return [1, 1, 1 << 29, 1 + SIDES.index(side)]
 
 
 def rigid_of(entity: sapien.Entity) -> PhysxRigidDynamicComponent | None:
@@ -185,19 +176,3 @@ def _pieces(pieces: Sequence[Collider], material: PhysxMaterial, mass: float) ->
         shape.set_density(density * c.weight)
         shapes.append(shape)
     return shapes
-
-
-@lru_cache(maxsize=16)
-def _arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
-    """What SAPIEN makes of an arm's URDF, without a scene: parsing takes longer than 0.1 s of simulation."""
-    loader = sapien.Scene([sapien.physx.PhysxCpuSystem()]).create_urdf_loader()
-    loader.fix_root_link = True
-    loader.set_material(_ROBOT_FRICTION, _ROBOT_FRICTION, 0.0)
-    with os.fdopen(os.memfd_create(side), "w") as file:  # in memory: a worker that is killed here leaves no file behind
-        file.write(arm_urdf(arm))
-        file.flush()
-        builder = loader.parse(f"/proc/self/fd/{file.fileno()}")[0][0]
-    for link in builder.link_builders:
-        link.visual_records.clear()
-        link.collision_groups = _groups(side)
-    return builder
