@@ -107,6 +107,7 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
         action=action,
         tcp=np.stack(hands, axis=1),
         target_velocity=np.repeat([[SPEED, 0.0, 0.0]], frames, 0),
+        target_angular_velocity=np.zeros((frames, 3)),
         contacts=contacts,
         # the release falls between two frames on purpose
         events=[

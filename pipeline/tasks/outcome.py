@@ -37,9 +37,11 @@ class Outcome:
     def until(self, frames: int) -> "Outcome":
         """The same episode cut after its first `frames` frames."""
         log, rows = self.log, ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")
+        spin = None if log.target_angular_velocity is None else log.target_angular_velocity[:frames]
         cut = replace(
             log,
             **{name: getattr(log, name)[:frames] for name in rows},
+            target_angular_velocity=spin,
             contacts=log.contacts[log.contacts["frame"] < frames],
             events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
         )

@@ -89,6 +89,9 @@ class EpisodeFile:
         """One dataset, whole, e.g. "joint_state/vector" (T,A) or "observation/head_camera/extrinsic_cv" (T,3,4)."""
         return self._values(key, self._get(key))
 
+    def _optional(self, key: str) -> NDArray[Any] | None:
+        return self.array(key) if self.has(key) else None
+
     def _values(self, key: str, found: object) -> NDArray[Any]:
         dataset = self._check(key, found)
         if dataset.get_space().get_simple_extent_type() == h5s.NULL:
@@ -269,8 +272,9 @@ class EpisodeFile:
             events=[Event(**e) for e in json.loads(self.array("events").item())],
             skills=self._skills(),
             touches=self._touches(),
-            intervention=self.array("intervention") if self.has("intervention") else None,
-            expert_action=self.array("expert_action") if self.has("expert_action") else None,
+            target_angular_velocity=self._optional("target/angular_velocity"),
+            intervention=self._optional("intervention"),
+            expert_action=self._optional("expert_action"),
         )
         split = {s: self.instructions(s) for s in ("seen", "unseen")}
         return Episode(self.spec, log, self.array("motion").item().decode(), split, self.meta, self.cameras, self.interception())

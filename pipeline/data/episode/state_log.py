@@ -79,11 +79,12 @@ class StateLog:
     state: NDArray[np.float64]  # (T, A) measured vector: arm joints (rad), grippers normalised 0-1
     action: NDArray[np.float64]  # (T, A) commanded for the interval after the frame
     tcp: NDArray[np.float64]  # (T, S, 7) measured tcp poses of `sides`
-    target_velocity: NDArray[np.float64]  # (T, 3) m/s of the target's origin
+    target_velocity: NDArray[np.float64]  # (T, 3) m/s of the target's origin, world frame
     contacts: NDArray[np.void]  # CONTACT_DTYPE
     events: list[Event] = field(default_factory=list)
     skills: list[SkillRun] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
+    target_angular_velocity: NDArray[np.float64] | None = None  # (T, 3) rad/s, world frame; None in files of earlier versions
     intervention: NDArray[np.bool_] | None = None  # (T,) whether the expert acts after the frame, where a policy acts first
     expert_action: NDArray[np.float64] | None = None  # (T, A) what the expert commands, or would command, after the frame
 

@@ -83,6 +83,8 @@ def _write_log(f: h5py.File, e: Episode) -> None:
         f[f"endpose/{side}_gripper"] = log.state[:, names.index(f"{side}_gripper")]
     f["target/pose"] = log.pose(e.meta.target)
     f["target/velocity"] = log.target_velocity
+    if log.target_angular_velocity is not None:
+        f["target/angular_velocity"] = log.target_angular_velocity
     f["target"].attrs["name"] = e.meta.target
     for name in e.meta.objects:
         f[f"objects/{name}/pose"] = log.pose(name)

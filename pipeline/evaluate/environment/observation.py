@@ -114,7 +114,7 @@ class StateView:
         poses = [s.tcp(side) for side in s.embodiment.sides] + [s.pose(name) for name in self._bodies]
         left = 1.0 - s.steps / trial.max_steps
         joints = [s.state_vector(qpos), s.command, [velocity[name] for name in self._joints]]
-        return _within(self.space, np.concatenate([*joints, *poses, s.velocity(s.target), moment.progress, [left]]))
+        return _within(self.space, np.concatenate([*joints, *poses, s.target_twist()[:3], moment.progress, [left]]))
 
 
 _POSES = ([-FAR] * 3 + [-1.0] * 4, [FAR] * 3 + [1.0] * 4)

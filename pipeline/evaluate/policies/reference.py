@@ -92,7 +92,7 @@ class Interceptor(_Stream):
         """Find the meeting point by rehearsing until it stays within 2 mm."""
         rng = np.random.default_rng([case.spec.seed, 1])
         at = trial.simulation.pose(trial.scene.task.target)
-        velocity = trial.simulation.velocity(trial.scene.task.target).copy()
+        velocity = trial.simulation.target_twist()[:3].copy()
         at[:2] += rng.normal(0, 1, 2) * self._noise
         velocity[:2] += rng.normal(0, 1, 2) * self._noise / 3
         plan = _meeting_plan(trial, at, velocity)

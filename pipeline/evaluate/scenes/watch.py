@@ -49,6 +49,8 @@ class Watch:
 def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
     """The log (F frames) with one more frame: the simulation as it is now, with the contacts of this step."""
     qpos, qvel = simulation.qpos()
+    twist = simulation.target_twist()
+    spin = None if log.target_angular_velocity is None else _and(log.target_angular_velocity, twist[3:])
     touching = [(len(log), *contact) for contact in simulation.contacts()]
     return replace(
         log,
@@ -59,7 +61,8 @@ def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
         state=_and(log.state, simulation.state_vector(qpos)),
         action=np.concatenate([log.action[:-1], [simulation.command] * 2]),
         tcp=_and(log.tcp, np.stack([simulation.tcp(side) for side in log.sides])),
-        target_velocity=_and(log.target_velocity, simulation.velocity(simulation.target)),
+        target_velocity=_and(log.target_velocity, twist[:3]),
+        target_angular_velocity=spin,
         contacts=np.concatenate([log.contacts, np.array(touching, dtype=CONTACT_DTYPE)]),
     )
 

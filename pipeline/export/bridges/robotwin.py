@@ -6,7 +6,7 @@
         endpose/{left_endpose (T,7), left_gripper (T,), ...}                  pose measured, gripper as in joint_action
         observation/<camera>/{rgb, intrinsic_cv, extrinsic_cv, cam2world_gl}  rgb: JPEG bytes padded with zeros
         observation/<camera>/{depth, actor_segmentation}, pointcloud         where the episodes have them
-        timestamp, joint_state/..., target/{pose,velocity}                    beyond the original
+        timestamp, joint_state/..., target/{pose,velocity,angular_velocity}                    beyond the original
         attributes: jpeg_order, fps, spec
       instructions/episode{i}.json   {"seen": [...], "unseen": [...]}
       scene_info.json                episode_{i}: objects and arms by placeholder, clutter

@@ -39,6 +39,8 @@ def tool_poses(tcp: NDArray[np.float64]) -> NDArray[np.float64]:
 def episode_arrays(file: EpisodeFile, facts: Facts, names: Mapping[str, str], order: JpegOrder) -> dict[str, NDArray[Any]]:
     """Every array of an exported file by key; `names` are those of the cameras there."""
     arrays = {key: file.array(key) for key in ("timestamp", "target/pose", "target/velocity")}
+    if facts.log.target_angular_velocity is not None:
+        arrays["target/angular_velocity"] = facts.log.target_angular_velocity
     for part in ("vector", *(f"{side}_{part}" for side in facts.log.sides for part in ("arm", "gripper"))):
         measured = file.array(f"joint_state/{part}")
         arrays[f"joint_state/{part}"] = measured

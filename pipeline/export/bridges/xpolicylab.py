@@ -9,7 +9,7 @@
       pointclouds (T,N,6)        where the episodes have them
       instruction, instructions  one sentence; all seen ones as a JSON list
       additional_info/frequency, data_format_version "v1.0"
-      timestamp (T,), target/{pose,velocity}                               beyond the format
+      timestamp (T,), target/{pose,velocity,angular_velocity}                               beyond the format
       attributes: jpeg_order, spec
 
 `state[t]` is the joint target in force at frame t, `action[t]` the one commanded for the interval after it. RoboTwin stores its
@@ -87,6 +87,8 @@ class XPolicyLab(Hdf5Exporter[XPolicyLabOptions]):
             "target/pose": facts.target,
             "target/velocity": log.target_velocity,
         }
+        if log.target_angular_velocity is not None:
+            values["target/angular_velocity"] = log.target_angular_velocity
         for group, vectors, frames in (("state", drive_targets(log.state, log.action), _now), ("action", log.action, _next)):
             for i, side in enumerate(log.sides):
                 tcp = frames(log.tcp[:, i])

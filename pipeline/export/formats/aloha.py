@@ -6,7 +6,8 @@
                                                                           (T,N) uint8 JPEG bytes padded with zeros
     compress_len (cameras, T) float32 with --compress jpeg, cameras sorted  bytes of each JPEG
     is_pad (T,) with --pad                                                true in the rows after the episode's end
-    timestamp (T,), target/{pose (T,7), velocity (T,3)}, instructions/{seen,unseen}, motion
+    timestamp (T,), target/{pose (T,7), velocity (T,3), angular_velocity (T,3)}
+    instructions/{seen,unseen}, motion
     attributes: sim True, compress, jpeg_order, length, fps, embodiment, names, cameras, instruction, spec, events
 
 `action[t]` is the joint target commanded for the interval after frame t, so nothing is shifted and no frame is dropped. Grippers
@@ -160,6 +161,7 @@ def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
         "timestamp": log.times - log.times[0],
         "target/pose": facts.target.astype(np.float32),
         "target/velocity": log.target_velocity.astype(np.float32),
+        **({} if (spin := log.target_angular_velocity) is None else {"target/angular_velocity": spin.astype(np.float32)}),
         **{f"observations/{side}_arm_dim": np.full(len(facts), count) for side, count in joints.items()},
     }
     if not longest:

@@ -168,7 +168,8 @@ def _sensors(paths: Sequence[Path]) -> set[str]:
 def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, sensors: Collection[str], joined: Sequence[Joined]) -> Plan:
     reference = next(iter(firsts.values()))
     names = {name: list(f.log.vector_names) for name, f in firsts.items()}
-    return Plan(reference.fps, exported_cameras(reference, options.camera_names), names, sensors, joined, reference.corrected)
+    cameras = exported_cameras(reference, options.camera_names)
+    return Plan(reference.fps, cameras, names, sensors, joined, reference.corrected, reference.spins)
 
 
 def _item(index: int, path: Path, draft: Draft, plan: Plan, dataset: Path) -> list[Any]:
@@ -231,7 +232,7 @@ class _Files:
 
 
 def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
-    """Embodiment -> its first episode; raises ExportError where two of these differ in fps or cameras."""
+    """Embodiment -> its first episode; raises ExportError where two of these differ in fps, cameras or in what they hold."""
     firsts: dict[str, Facts] = {}
     for path in paths:
         with reading(path) as file:
@@ -239,7 +240,8 @@ def _firsts(paths: Sequence[Path], dataset: Path) -> dict[str, Facts]:
                 firsts[file.spec.embodiment] = read_facts(file, dataset)
     reference, *others = firsts.values()
     for other in others:
-        for name, want, got in (("fps", reference.fps, other.fps), ("cameras", reference.cameras, other.cameras)):
+        for name in ("fps", "cameras", "spins"):
+            want, got = getattr(reference, name), getattr(other, name)
             if want != got:
                 raise ExportError(f"{other.source}: {name} {got} differs from {want} of {reference.source}; export them separately")
     return firsts

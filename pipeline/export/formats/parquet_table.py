@@ -39,7 +39,7 @@ class Plan:
     """The columns of an export.
 
     They follow from the fps, exported names by camera, joint names by embodiment, sensors that any episode stores, annotations to
-    join, and whether a policy acts before the expert does.
+    join, whether a policy acts before the expert does, and whether the files hold the target's angular velocity.
     """
 
     fps: int
@@ -48,6 +48,7 @@ class Plan:
     sensors: Collection[str]
     joined: Sequence[Joined]
     corrected: bool = False
+    spins: bool = False
 
     @property
     def images(self) -> dict[str, str]:
@@ -65,6 +66,8 @@ class Plan:
         columns |= CONSTANTS
         columns |= dict.fromkeys(TEXTS, pa.string())
         columns |= dict.fromkeys((*VECTORS, *TOOLS.values(), "target_path"), pa.list_(pa.float32()))
+        if self.spins:
+            columns["target_angular_velocity"] = pa.list_(pa.float32())
         columns |= {"events": pa.list_(pa.string()), "event_times": pa.list_(pa.float64())}
         columns |= {"is_first": pa.bool_(), "is_last": pa.bool_()}
         if self.corrected:
@@ -110,6 +113,8 @@ def episode_table(index: int, facts: Facts, file: EpisodeFile, plan: Plan, datas
     values = (log.state, log.action, facts.target, log.target_velocity)
     for name, value in zip(VECTORS, values, strict=True):
         columns[name] = _lists(value)
+    if plan.spins:
+        columns["target_angular_velocity"] = _lists(np.array(log.target_angular_velocity))
     tools = dict(zip(log.sides, log.tcp.swapaxes(0, 1), strict=True))
     for side, name in TOOLS.items():
         columns[name] = _lists(tools[side]) if side in tools else pa.nulls(frames, pa.list_(pa.float32()))

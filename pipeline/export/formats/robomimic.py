@@ -3,15 +3,16 @@
     <robot>/demos.hdf5               data/demo_{i}: links to the files below; total, env_args; mask/<name>: demos
     <robot>/demos/demo_{i}.hdf5      one demonstration, which demos.hdf5 needs beside it
       actions (T,A) float32, rewards (T,), dones (T,), states (T,0)
-      obs/{joint_pos (T,A), left_eef_pose (T,7), right_eef_pose (T,7), object (T,10)}            float32
+      obs/{joint_pos (T,A), left_eef_pose (T,7), right_eef_pose (T,7), object (T,13)}            float32
       obs/{<camera>_image (T,H,W,3) uint8 RGB, <camera>_depth (T,H,W,1) float32 m}
       next_obs/...                   the same a frame later, the last frame twice; only a reference, no copy
       attributes: num_samples, task, embodiment, instruction, names, fps, spec
 
 One robot needs no directory of its own. `obs[t]` is measured at frame t, `actions[t]` are the joint targets commanded for the
 interval after it, in rad, grippers 0 to 1: robomimic's `normalization: min_max` of actions brings them to -1..1. `rewards` and
-`dones` are 1 in the last frame, rewards of failed attempts 0. `object` is the true pose and velocity (m/s) of the target. Masks
-are `train` and `valid` (every tenth `physics_id`, by its hash), and one for every task and level.
+`dones` are 1 in the last frame, rewards of failed attempts 0. `object` is the target's pose, linear (m/s) and
+angular velocity (rad/s). Episodes of earlier versions have no angular velocity; their `object` is (T,10). Masks are `train` and
+`valid` (every tenth `physics_id`, by its hash), and one for every task and level.
 """
 
 import hashlib
@@ -76,7 +77,7 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         obs: dict[str, NDArray[Any]] = {
             "joint_pos": log.state,
             **{f"{side}_eef_pose": log.tcp[:, i] for i, side in enumerate(log.sides)},
-            "object": np.hstack([facts.target, log.target_velocity]),
+            "object": np.hstack([facts.target, log.target_velocity, *([log.target_angular_velocity] * facts.spins)]),
         }
         obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
         for camera, name in self.cameras(facts, options).items():

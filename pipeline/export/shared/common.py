@@ -72,6 +72,11 @@ class Facts:
         return len(self.log)
 
     @property
+    def spins(self) -> bool:
+        """Whether the file holds the target's angular velocity; those of earlier versions do not."""
+        return self.log.target_angular_velocity is not None
+
+    @property
     def corrected(self) -> bool:
         """Whether a policy acts before the expert does."""
         return self.log.intervention is not None
@@ -169,6 +174,7 @@ def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = N
         "target pose": target,
         "target velocity": log.target_velocity,
         "tcp": log.tcp,
+        **({} if log.target_angular_velocity is None else {"target angular velocity": log.target_angular_velocity}),
     }
     for name, value in arrays.items():
         if len(value) != frames:
@@ -220,6 +226,7 @@ def same(first: Facts, facts: Facts) -> None:
         "joint names": (first.log.vector_names, facts.log.vector_names),
         "failed": (first.meta.failure is not None, facts.meta.failure is not None),
         "corrected": (first.corrected, facts.corrected),
+        "target's angular velocity": (first.spins, facts.spins),
     }
     for name, (want, got) in pairs.items():
         if want != got:

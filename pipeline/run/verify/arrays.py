@@ -25,6 +25,8 @@ def shapes(file: EpisodeFile) -> dict[str, Shape]:
     names = file.names("joint_state", "names")
     bodies, joints = len(file.names("state", "bodies")), len(file.names("state", "joints"))
     found: dict[str, Shape] = {"timestamp": (frames,), "target/pose": (frames, 7), "target/velocity": (frames, 3)}
+    if file.has("target/angular_velocity"):
+        found["target/angular_velocity"] = (frames, 3)
     for group in ("joint_action", "joint_state"):
         found[f"{group}/vector"] = (frames, len(names))
         for side in sides_of(names):

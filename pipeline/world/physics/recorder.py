@@ -82,11 +82,13 @@ class Recorder:
             self._first[side] = Touch(side, s.steps, centre, len(points), *poses)
 
     def _measured(self) -> tuple[Floats, ...]:
-        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools (S,7), target velocity (3,)."""
+        """One frame: poses (B,7), joint positions and velocities (J,), state vector (A,), tools (S,7), the target's linear and
+        angular velocity (3,)."""
         s = self.simulation
         qpos, qvel = s.qpos()
         tcp = np.stack([s.tcp(side) for side in s.embodiment.sides])
-        return s.poses(), qpos, qvel, s.state_vector(qpos), tcp, s.velocity(s.target)
+        twist = s.target_twist()
+        return s.poses(), qpos, qvel, s.state_vector(qpos), tcp, twist[:3], twist[3:]
 
     def _capture(self) -> None:
         frame = len(self._columns[0])
@@ -105,7 +107,7 @@ class Recorder:
     def log(self) -> StateLog:
         """The state log up to the last full frame."""
         s = self.simulation
-        poses, qpos, qvel, state, tcp, velocity = (column.rows for column in self._columns)
+        poses, qpos, qvel, state, tcp, velocity, spin = (column.rows for column in self._columns)
         last = self._actions.rows[-1] if len(self._actions) else s.command
         return StateLog(
             times=np.arange(len(poses)) / self.fps,
@@ -119,6 +121,7 @@ class Recorder:
             action=np.concatenate([self._actions.rows, last[None]]),
             tcp=tcp,
             target_velocity=velocity,
+            target_angular_velocity=spin,
             contacts=self._contacts.rows,
             events=sorted([*s.events, *self.extra], key=lambda e: e.time),
             touches=[self._first[side] for side in SIDES if side in self._first],

@@ -16,7 +16,7 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
 from pipeline.motion.company import others_of
-from pipeline.poses import Pose, compose, inverse, quat_rotate
+from pipeline.poses import Pose, compose, inverse, quat_conjugate, quat_multiply, quat_rotate, rotation_vector
 from pipeline.world.physics.body import BORNE, TABLE_TOP, Body
 from pipeline.world.physics.contacts import Pair, points_on, pushes, touching_pairs
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold
@@ -68,6 +68,8 @@ class Simulation:
             if b.slide is not None:
                 add_slide(b, by_name[b.inside], self._entities[b.name], self._entities[b.inside])
         self._arms = {side: add_arm(self._scene, side, arm) for side, arm in embodiment.arms.items()}
+        self._robots = [self._arms[side].robot for side in self._arms]
+        self._before: tuple[sapien.Pose, NDArray[np.float64]] | None = None
         self._moved = self._dynamic(target)
         for name in (target, *self._beside):
             self._dynamic(name).set_kinematic(True)
@@ -148,6 +150,7 @@ class Simulation:
             self._moved.set_disable_gravity(False)
             self._moved.wake_up()
             self._borne = False
+        self._before = self._entities[self.target].pose, self._joint_positions()
         self._scene.step()
         self.steps += 1
         self.command = command
@@ -235,8 +238,9 @@ class Simulation:
         body = self._dynamic(name)
         body.set_kinematic(False)
         twist = motion.twist(self.time)
-        mass = quat_rotate(self.pose(name)[3:], np.asarray(body.cmass_local_pose.p, float))
-        body.set_linear_velocity((twist[:3] + np.cross(twist[3:], mass)).astype(np.float32))  # PhysX's is the mass centre's
+        arm = quat_rotate(self.pose(name)[3:], np.asarray(body.cmass_local_pose.p, float))
+        centre = twist[:3] + np.cross(twist[3:], arm)
+        body.set_linear_velocity(centre.astype(np.float32))  # PhysX's is the mass centre's
         body.set_angular_velocity(twist[3:].astype(np.float32))
         body.wake_up()
 
@@ -251,21 +255,25 @@ class Simulation:
         """World pose (7,) of a body of the scene."""
         return _array(self._entities[name].pose)
 
-    def velocity(self, name: str) -> NDArray[np.float64]:
-        """Linear velocity (3,) m/s of a body's origin; that of the motion until the target is touched, zero for a fixed body."""
-        if name == self.target and not self.released and self._drive is None:
-            return np.asarray(self.motion.twist(self.time)[:3], float)
-        if name in self._beside:
-            return np.zeros(3) if self._waiting else np.asarray(self._beside[name].twist(self.time)[:3], float)
-        body = self._rigid[name]
-        return np.zeros(3) if body is None else np.asarray(body.linear_velocity, float)
+    def target_twist(self) -> NDArray[np.float64]:
+        """Linear velocity (m/s) of the target's origin and angular velocity (rad/s), (6,) in the world frame.
+
+        It is the twist of its motion until something ends that or a drive takes over, and then what its pose did over the last
+        physics step. PhysX's own velocities differ from that, those of a held body by 1 rad/s: it solves for them once more after
+        it has moved the bodies.
+        """
+        if self._before is None or not (self.released or self._drive):
+            return np.asarray(self.motion.twist(self.time), float)
+        before, now = (np.array(pose.__getstate__()) for pose in (self._before[0], self._entities[self.target].pose))
+        turn = rotation_vector(quat_multiply(now[3:], quat_conjugate(before[3:])))
+        return np.concatenate([now[:3] - before[:3], turn]) * PHYSICS_HZ
 
     def speed(self, name: str) -> float:
-        """Fastest motion of a body: linear speed in m/s plus 5 cm times its angular speed in rad/s."""
+        """Fastest motion of a body: the mass centre's speed in m/s plus 5 cm times its angular speed in rad/s."""
         body = self._rigid[name]
         if body is None:
             return 0.0
-        return float(np.linalg.norm(self.velocity(name)) + 0.05 * np.linalg.norm(body.angular_velocity))
+        return float(np.linalg.norm(body.linear_velocity) + 0.05 * np.linalg.norm(body.angular_velocity))
 
     def poses(self) -> NDArray[np.float64]:
         """World poses (B, 7) of all bodies, links, scenery and the table, in the order of `names`."""
@@ -274,9 +282,12 @@ class Simulation:
         return np.array([*rows, (0.0, 0.0, TABLE_TOP, 1.0, 0.0, 0.0, 0.0)])
 
     def qpos(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Measured joint positions and velocities (J,), jaws included, in the order of `joint_names`."""
-        robots = [self._arms[side].robot for side in self._arms]
-        return np.concatenate([r.qpos for r in robots]).astype(float), np.concatenate([r.qvel for r in robots]).astype(float)
+        """Measured joint positions and their velocities over the last physics step (J,), jaws included, as in `joint_names`."""
+        now = self._joint_positions()
+        return now, np.zeros_like(now) if self._before is None else (now - self._before[1]) * PHYSICS_HZ
+
+    def _joint_positions(self) -> NDArray[np.float64]:
+        return np.concatenate([robot.qpos for robot in self._robots]).astype(float)
 
     def state_vector(self, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measured vector (A,) in the layout of the command, from `qpos` (J,)."""

@@ -1,0 +1,42 @@
+"""A recorded episode of shake_bottle: what its state log says of velocities and of the arm agrees with what happened."""
+
+import numpy as np
+import pytest
+
+from pipeline.data.recipe.model import Recipe
+from pipeline.data.spec import EpisodeSpec
+from pipeline.poses import quat_conjugate, quat_multiply, rotation_vector
+from pipeline.stages.attempt import Phases, attempt
+
+FPS = 60
+
+
+@pytest.fixture(scope="module")
+def log():
+    """The state log of an accepted attempt at 60 frames a second."""
+    spec = EpisodeSpec("shake_bottle", "aloha-agilex", 1, 0.1, "clean", 0, 8282955658858097247, 5368980052149100341)
+    return attempt(spec, Recipe(fps=FPS), Phases()).replay.log
+
+
+def off(stated, rates):
+    """Norms (T-2,) of the differences between what is stated and the central differences at all frames but first and last."""
+    return np.linalg.norm(stated[1:-1] - rates, axis=-1)
+
+
+def test_velocities_of_the_shaken_bottle_are_the_differences_of_its_pose(log):
+    poses, released = log.pose("bottle"), log.time_of("release")
+    moved = (poses[2:, :3] - poses[:-2, :3]) * FPS / 2
+    turns = [quat_multiply(b, quat_conjugate(a)) for a, b in zip(poses[:-2, 3:], poses[2:, 3:], strict=True)]
+    turned = np.array([rotation_vector(turn) for turn in turns]) * FPS / 2
+    shaken = log.times[1:-1] > released
+    assert np.linalg.norm(moved[shaken], axis=1).max() > 0.3
+    assert np.linalg.norm(turned[shaken], axis=1).max() > 2.0
+    assert np.median(off(log.target_velocity, moved)[shaken]) < 0.005
+    assert np.quantile(off(log.target_velocity, moved), 0.95) < 0.01
+    assert np.quantile(off(log.target_angular_velocity, turned), 0.95) < 0.05
+
+
+def test_velocities_of_the_joints_are_the_differences_of_their_positions(log):
+    rates = (log.qpos[2:] - log.qpos[:-2]) * FPS / 2
+    assert np.abs(rates).max() > 2.0
+    assert np.quantile(np.abs(log.qvel[1:-1] - rates).max(1), 0.95) < 0.05
