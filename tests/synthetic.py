@@ -32,6 +32,7 @@ BACKGROUND = (120, 125, 130)
 HALF = 20  # half side of the square, pixels
 DRIFT = (3, 2)  # pixels a frame of the wrist images
 SPEED = 0.08  # m/s of the target along world x
+SPIN = 0.5  # rad/s of the target about world z, by its angular velocity only: its pose does not turn
 TABLE_TOP = 0.74
 ARM_JOINTS = {"franka-panda": 7}  # every other embodiment has 6 joints an arm
 
@@ -107,7 +108,7 @@ def make_log(embodiment: str, frames: int, fps: int, seed: int) -> StateLog:
         action=action,
         tcp=np.stack(hands, axis=1),
         target_velocity=np.repeat([[SPEED, 0.0, 0.0]], frames, 0),
-        target_angular_velocity=np.zeros((frames, 3)),
+        target_angular_velocity=np.repeat([[0.0, 0.0, SPIN]], frames, 0),
         contacts=contacts,
         # the release falls between two frames on purpose
         events=[
@@ -199,10 +200,13 @@ def make_episode(
     instructions: Mapping[str, list[str]] | None = None,
     meta: Mapping[str, Any] | None = None,
     corrected: int | None = None,
+    spin: bool = True,
 ) -> Path:
     """Write a synthetic episode file and return its path; 14-wide vectors, 16-wide for "franka-panda". In the first `corrected`
-    frames a policy acts."""
+    frames a policy acts. Files of earlier versions have no angular velocity (`spin`)."""
     log = make_log(embodiment, frames, fps, seed)
+    if not spin:
+        log.target_angular_velocity = None
     if corrected is not None:
         acts = np.arange(frames) >= corrected
         log.intervention, log.expert_action = acts, log.action + 0.5 * ~acts[:, None]

@@ -74,10 +74,11 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
 
     def contents(self, file: EpisodeFile, facts: Facts, options: RobomimicOptions, shared: None) -> Contents:
         log, last = facts.log, np.arange(len(facts)) == len(facts) - 1
+        spin = [] if log.target_angular_velocity is None else [log.target_angular_velocity]
         obs: dict[str, NDArray[Any]] = {
             "joint_pos": log.state,
             **{f"{side}_eef_pose": log.tcp[:, i] for i, side in enumerate(log.sides)},
-            "object": np.hstack([facts.target, log.target_velocity, *([log.target_angular_velocity] * facts.spins)]),
+            "object": np.hstack([facts.target, log.target_velocity, *spin]),
         }
         obs = {f"obs/{name}": value.astype(np.float32) for name, value in obs.items()}
         for camera, name in self.cameras(facts, options).items():

@@ -407,7 +407,7 @@ def test_a_tumbling_target_is_let_go_with_the_velocity_of_its_origin(tumbled):
 
 
 def test_the_velocities_of_a_target_are_those_of_its_pose_before_and_after_the_release(tumbled):
-    _, poses, twists, released = tumbled
+    _, poses, twists, _ = tumbled
     moved = np.diff(poses[:, :3], axis=0) / DT
     turned = [rotation_vector(quat_multiply(b[3:], quat_conjugate(a[3:]))) / DT for a, b in pairwise(poses)]
     between = (twists[1:] + twists[:-1]) / 2
