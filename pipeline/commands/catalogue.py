@@ -16,7 +16,7 @@ from pipeline.data.parsing import whole
 
 def tasks(as_json: AsJson = False) -> None:
     """List the tasks."""
-    from pipeline.tasks.listing import listing
+    from pipeline.intake.catalogue.tasks import listing
 
     values = listing()
     rows = [(t["name"], t["category"], t["step_limit"], f"{t['description']} ({', '.join(t['objects'])})") for t in values]

@@ -17,8 +17,8 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.reasons import reasons_of
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
-from pipeline.tasks.language import instructions
-from pipeline.tasks.language_check import FIXES, check_templates, faults
+from pipeline.tasks.language.check import FIXES, check_templates, faults
+from pipeline.tasks.language.sentences import instructions
 from pipeline.tasks.outcome import failed
 from pipeline.world.drawing.vulkan import NoRenderer
 

@@ -25,10 +25,10 @@ from pipeline.data.store.lock import exclusive
 from pipeline.data.store.urls import with_urls
 from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
+from pipeline.run.doctor.packages import installed_version
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.identity.sources import installed_version
 from pipeline.run.mend import from_scenes, mend_assets, recover
 from pipeline.run.plan import cost_of
 from pipeline.run.slot import running

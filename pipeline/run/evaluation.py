@@ -19,20 +19,16 @@ from pipeline.evaluate.policies.policy import PolicyError, PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.serving.probe import PROMPT
-from pipeline.run.identity import sources
-from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.identity.slot_keys import code_version, policy_version
 from pipeline.world.robots import get_embodiment
 
 EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
 LONGEST_NAME = 200  # characters of what a job is called in an error
-EPISODE = ("pipeline.evaluate.episode", "pipeline.evaluate.scenes.manifests")
-"""The modules that, with what they import, decide the numbers of an episode."""
 
 
 def evaluation_version() -> str:
     """A hash of the code that makes scenes and of the code that evaluates: results of another one are not mixed with these."""
-    root = sources.package_root()
-    return digest([code_version(), sources.sources_hash(root, sources.closure(root, EPISODE))])
+    return digest([code_version(), policy_version()])
 
 
 def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any) -> Evaluation:

@@ -16,7 +16,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.holding import held_by
 from pipeline.stages.surroundings import clutter, embodiment_of, occluded
 from pipeline.tasks import TASKS, Draw, Task, lay_out
-from pipeline.tasks.language import Wording
+from pipeline.tasks.language.sentences import Wording
 from pipeline.tasks.needed_arms import suits
 from pipeline.tasks.outcome import Outcome, failed
 from pipeline.world.cameras import cameras_of

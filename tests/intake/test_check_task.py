@@ -16,7 +16,7 @@ from pipeline.poses import quat_about, quat_multiply
 from pipeline.stages.hints import HINTS
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS, Task
-from pipeline.tasks.language_check import CHECKS, FIXES
+from pipeline.tasks.language.check import CHECKS, FIXES
 from pipeline.world.objects.words import describe
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"

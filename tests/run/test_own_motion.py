@@ -15,7 +15,6 @@ from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS, motion_from_json, register
 from pipeline.report.viewer import write_viewer
 from pipeline.run.export import Request, export
-from pipeline.run.identity import slot_keys as keys
 from pipeline.run.names import recipe_from
 from pipeline.run.regenerate import regenerate
 from pipeline.run.status import status
@@ -29,11 +28,9 @@ def domino(*words: object) -> int:
 
 @pytest.fixture
 def sway():
-    keys._code_version.cache_clear()
     register(SwayModel())
     yield
     MODELS.remove("sway")
-    keys._code_version.cache_clear()
 
 
 def test_a_dataset_of_an_own_motion(sway, tmp_path):

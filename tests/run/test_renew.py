@@ -7,10 +7,10 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline.run.identity import code_parts, sources
+from pipeline.run.identity import code
 from pipeline.tasks import TASKS
 from tests.run.command import inside
-from tests.run.identity.test_slot_keys import CODE, forget
+from tests.run.identity.test_slot_keys import CODE
 
 WANTED = ("--manifest", Path(__file__).with_name("smallest.yaml"))
 PHRASE = "Would {arm} be so kind as to ring {bell}?"
@@ -20,8 +20,8 @@ PHRASE = "Would {arm} be so kind as to ring {bell}?"
 def tree(tmp_path, monkeypatch):
     """A copy of the sources to edit, from which this process takes its keys. It runs the sources themselves: no edit of the
     test but that of the phrases does anything."""
-    root = shutil.copytree(sources.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(sources, "package_root", lambda: root)
+    root = shutil.copytree(code.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(code, "package_root", lambda: root)
     yield root
     monkeypatch.undo()
     forget_sources()
@@ -29,9 +29,7 @@ def tree(tmp_path, monkeypatch):
 
 def forget_sources():
     """Make this process read all sources again, as a new one would."""
-    forget()
-    own = (code_parts._core, code_parts._files_hash, code_parts._language, code_parts._looks)
-    for cached in (sources.source, sources._closure, *own):
+    for cached in (code.cell_code, code.drawing_code, code.hash_files, code._hash_imported, code._hash_file):
         cached.cache_clear()
 
 
@@ -100,7 +98,7 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     # the renderer: all images from the stored logs; a remark, a third task and a listing: nothing
     edit(tree, "world/drawing/renderer.py", CODE)
     edit(tree, "tasks/library/domino/handle/shake_bottle.py", CODE)
-    edit(tree, "tasks/listing.py", CODE)
+    edit(tree, "intake/catalogue/tasks.py", CODE)
     edit(tree, "world/physics/simulation.py", "\n# a remark\n")
     told, built, again, checked, _ = say(
         ("status", out), building(out), building(out), ("verify", out), building(tmp_path / "nothing")

@@ -15,8 +15,8 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
-from pipeline.tasks.language import instructions
-from pipeline.tasks.language_check import check_templates, faults
+from pipeline.tasks.language.check import check_templates, faults
+from pipeline.tasks.language.sentences import instructions
 
 NAMES = expand_tasks(["beyond"])
 SCENERY = {

@@ -23,8 +23,8 @@ from pipeline.stages.replay import replay
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import INTERCEPTION, TASKS, TRACKING
 from pipeline.tasks.contract import Task, expand_tasks, register
-from pipeline.tasks.language import instructions
-from pipeline.tasks.language_check import check_templates
+from pipeline.tasks.language.check import check_templates
+from pipeline.tasks.language.sentences import instructions
 from pipeline.tasks.layout import families_of
 from pipeline.world.objects import FAMILIES
 from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP

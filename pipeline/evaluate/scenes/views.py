@@ -10,7 +10,7 @@ from pipeline.data.setup import Setup
 from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.drawing.sensing import photograph
 from pipeline.stages.scene import Scene
-from pipeline.tasks.language import instructions
+from pipeline.tasks.language.sentences import instructions
 from pipeline.world.cameras import check_links
 from pipeline.world.drawing.pointcloud import point_clouds
 from pipeline.world.physics.recorder import Recorder

@@ -12,7 +12,6 @@ from pipeline.annotate.networks.models import ALIASES, resolve
 from pipeline.annotate.options import FeatureOptions, MaskOptions
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.run.doctor.machine import Result
-from pipeline.run.identity.sources import installed_version
 
 CV2 = "opencv-python-headless"
 EXTRAS = {
@@ -47,6 +46,14 @@ def missing_by_extra(requirements: Iterable[str], installed: Callable[[str], boo
         if extra and name and extra[1] in EXTRAS:
             missing.setdefault(extra[1], []).extend([] if installed(name[0]) else [name[0]])
     return missing
+
+
+def installed_version(distribution: str) -> str:
+    """The version of a package, "" for one that is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def is_installed(name: str) -> bool:

@@ -30,7 +30,7 @@ from pipeline.stages.drawing.render import Appearance, appearance_of, capture, k
 from pipeline.stages.drawing.tracks import track_arrays
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.stages.surroundings import table_drop
-from pipeline.tasks.language import instructions
+from pipeline.tasks.language.sentences import instructions
 
 
 def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:

@@ -14,7 +14,6 @@ from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.add import Options, add_object
 from pipeline.run.build import provenance
-from pipeline.run.identity import code_parts
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import resolve
 from pipeline.stages.scene import build_scene
@@ -61,7 +60,6 @@ def test_a_layout_places_the_object_and_the_rules_come_back(cards):
 
 def test_the_content_of_an_object_counts_where_it_is_used(cards):
     def keys(task: str):
-        code_parts.object_parts.cache_clear()
         asked = resolve(recipe(tasks=("move_playingcard_away", "click_bell")))
         found = slot_keys(asked, Slot(next(cell for cell in asked.cells() if cell.task == task), 0))
         return found.physics.digest, found.render.digest

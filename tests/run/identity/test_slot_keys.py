@@ -15,9 +15,8 @@ from pipeline.data.recipe.model import Floor, Slot
 from pipeline.data.rules import Corrections, Sight
 from pipeline.data.sensors import Sensors
 from pipeline.data.spec import EpisodeSpec
-from pipeline.run.identity import code_parts, sources
-from pipeline.run.identity import slot_keys as keys
-from pipeline.run.identity.slot_keys import redrawn_keys, slot_keys
+from pipeline.run.identity import code
+from pipeline.run.identity.slot_keys import code_version, redrawn_keys, slot_keys
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
@@ -39,7 +38,7 @@ RECIPE = recipe_from(
 )
 SLOTS = {slot.cell.path: slot for slot in RECIPE.slots()}
 SLOT = next(iter(RECIPE.slots()))
-PACKAGE = sources.package_root()
+PACKAGE = code.package_root()
 
 ALL = ("",)
 NONE = ()
@@ -51,18 +50,23 @@ DOC = "\n# a remark\n"
 EDITS = [
     ("tasks/library/domino/press/click_bell.py", CODE, ("click_bell",), PHYSICS),
     ("tasks/library/domino/press/click_bell.py", DOC, NONE, set()),
+    ("tasks/library/domino/press/press.py", CODE, ("click_bell",), PHYSICS),
+    ("tasks/library/domino/set_down/set_down.py", CODE, ("place_container_plate",), PHYSICS),
     ("tasks/library/domino/press/phrases/click_bell.txt", "Ring {bell} for me with {arm}.\n", ("click_bell",), SENTENCES),
     ("tasks/library/domino/handle/shake_bottle.py", CODE, NONE, set()),
     ("tasks/library/domino/handle/phrases/shake_bottle.txt", "Shake.\n", NONE, set()),
     ("world/objects/families/devices/phrases/bell.txt", "{colour} chime\n", ("click_bell",), SENTENCES),
     ("world/objects/families/containers/phrases/cabinet.txt", "{colour} chest\n", NONE, set()),
     ("world/objects/words.py", CODE, ALL, SENTENCES),
-    ("tasks/listing.py", CODE, NONE, set()),
-    ("tasks/language.py", CODE, ALL, SENTENCES),
+    ("intake/catalogue/tasks.py", CODE, NONE, set()),
+    ("tasks/language/sentences.py", CODE, ALL, SENTENCES),
     ("tasks/contract.py", CODE, ALL, PHYSICS),
     ("world/objects/families/containers/plate.py", CODE, ("place_container_plate",), PHYSICS),
     ("world/objects/families/devices/bell.py", CODE, ("click_bell", "randomized"), PHYSICS),
     ("world/objects/families/containers/cabinet.py", CODE, NONE, set()),
+    ("world/objects/families/goods/boxes.py", CODE, ("randomized",), PHYSICS),
+    ("motion/models/planar.py", CODE, ALL, PHYSICS),
+    ("motion/models/turntable.py", CODE, NONE, set()),
     ("world/objects/geometry.py", CODE, ALL, PHYSICS),
     ("intake/catalogue/gallery.py", CODE, NONE, set()),
     ("assets/robots/franka-panda/robot.toml", DOC, ("franka-panda",), PHYSICS),
@@ -83,9 +87,7 @@ EDITS = [
     ("stages/drawing/render.py", CODE, ALL, IMAGES),
     ("stages/dry_run.py", CODE, ALL, PHYSICS),
     ("data/recipe/model.py", CODE, NONE, set()),
-    ("data/recipe/cells.py", CODE, NONE, set()),
-    ("data/recipe/values.py", CODE, NONE, set()),
-    ("data/parsing.py", CODE, NONE, set()),
+    ("poses.py", CODE, ALL, PHYSICS),
     ("data/dataset.py", CODE, NONE, set()),
     ("export/formats/parquet.py", CODE, NONE, set()),
     ("report/summary.py", CODE, NONE, set()),
@@ -94,23 +96,6 @@ EDITS = [
     ("cli.py", CODE, NONE, set()),
     ("__pycache__/spec.cpython-312.pyc", "x", NONE, set()),
 ]
-
-
-CACHED = (keys._slot_parts, keys._drawing_parts, keys._code_version, code_parts._physics, code_parts.drawing_parts)
-
-
-def forget():
-    """Make this process find everything out again, as a new one would."""
-    for cached in (*CACHED, sources.versions, sources.fingerprint):
-        cached.cache_clear()
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path_factory, monkeypatch):
-    """The user's cache directory: an empty one for every test."""
-    directory = tmp_path_factory.mktemp("cache")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(directory))
-    return directory
 
 
 def all_keys():
@@ -147,7 +132,7 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     tmp_path, monkeypatch, package, before, file, text, cells, changed
 ):
     root = edited(package, tmp_path / "pipeline", file, text)
-    monkeypatch.setattr(sources, "package_root", lambda: root)
+    monkeypatch.setattr(code, "package_root", lambda: root)
     for cell, new in all_keys().items():
         stale = {name for name in ("physics", "render", "language") if getattr(before[cell], name) != getattr(new, name)}
         assert stale == (changed if any(part in cell for part in cells) else set()), cell
@@ -155,28 +140,27 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
 
 def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
     shutil.copytree(PACKAGE, tmp_path / "pipeline")
-    monkeypatch.setattr(sources, "package_root", lambda: tmp_path / "pipeline")
+    monkeypatch.setattr(code, "package_root", lambda: tmp_path / "pipeline")
     assert all_keys() == before
-    version = keys.code_version()
+    version = code_version()
     monkeypatch.undo()
-    assert keys.code_version() == version
+    assert code_version() == version
 
 
 def test_a_key_says_which_part_changed(tmp_path, monkeypatch, package, before):
     root = edited(package, tmp_path / "pipeline", "assets/robots/aloha-agilex/robot.toml", DOC)
-    monkeypatch.setattr(sources, "package_root", lambda: root)
+    monkeypatch.setattr(code, "package_root", lambda: root)
     path = SLOT.cell.path
     assert slot_keys(RECIPE, SLOT).physics.changed(before[path].physics) == ["robot"]
 
 
 def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
-    def other(distribution):
-        return "9.9" if distribution == "sapien" else "1"
-
-    forget()
-    monkeypatch.setattr(sources, "version", other)
+    monkeypatch.setattr(code, "version", lambda name: "9.9" if name == "sapien" else "1")
+    for cached in (code.versions, code.cell_code, code.drawing_code):
+        cached.cache_clear()
     changed = slot_keys(RECIPE, SLOT).physics.changed(before[SLOT.cell.path].physics)
-    forget()
+    for cached in (code.versions, code.cell_code, code.drawing_code):
+        cached.cache_clear()
     assert changed == ["packages"]
 
 
@@ -208,19 +192,33 @@ class Computed(type(TASKS["click_bell"])):
 
 def test_a_family_whose_name_is_computed_is_a_part_of_the_key(tmp_path, monkeypatch, package):
     monkeypatch.setitem(TASKS._items, "computed", Computed())
-    root = Path(shutil.copytree(package, tmp_path / "pipeline"))
+    for number, (family, changes) in enumerate((("containers/plate", False), ("devices/bell", True))):
+        root = edited(package, tmp_path / str(number), f"world/objects/families/{family}.py", CODE)
+        objects = [code.cell_code(each, "computed", "piper", False, "planar").physics["objects"] for each in (package, root)]
+        assert (objects[0] != objects[1]) == changes, family
 
-    def objects():
-        forget()
-        sources.source.cache_clear()
-        sources._closure.cache_clear()
-        return code_parts._physics(root, "computed", "piper", False, ("planar",))["objects"]
 
-    before = objects()
-    for family, changes in (("plate", False), ("bell", True)):
-        with open(root / f"world/objects/families/{family}.py", "a") as f:
-            f.write(CODE)
-        assert (objects() != before) == changes, family
+def test_a_plugin_counts_with_what_it_imports_from_beside_it_and_nothing_else(tmp_path, monkeypatch):
+    """Absolute and relative imports, of modules and of names."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("from .task import Task\n")
+    (folder / "task.py").write_text("import mine.drawn\nfrom . import near\nclass Task: pass\n")
+    for name in ("drawn", "near", "other"):
+        (folder / f"{name}.py").write_text("")
+    monkeypatch.setenv("DOMINO_PLUGINS", str(tmp_path))
+    used = {}
+    for name in ("task", "drawn", "near", "other"):
+        hashes = []
+        for text in ("", CODE):
+            with open(folder / f"{name}.py", "a") as f:
+                f.write(text)
+            for cached in (code._registered, code._hash_imported, code._hash_file):
+                cached.cache_clear()
+            hashes.append(code._hash_imported(PACKAGE, ("mine.task",)))
+        used[name] = hashes[0] != hashes[1]
+    code._registered.cache_clear()
+    assert used == {"task": True, "drawn": True, "near": True, "other": False}
 
 
 def test_a_family_that_the_key_does_not_name_is_refused():
@@ -231,13 +229,15 @@ def test_a_family_that_the_key_does_not_name_is_refused():
         lay_out(Undeclared(), Draw(np.random.default_rng(0), np.random.default_rng(1)))
 
 
-def test_what_only_gives_things_their_look_collides_with_nothing():
-    for module in code_parts.LOOKS:
-        text = sources.modules(PACKAGE)[module].read_text()
-        assert "Collider" not in text, module
-    used = sources.closure(PACKAGE, code_parts.CORE, code_parts.REGISTERED)
-    for module in used - set(code_parts.LOOKS):
-        assert sources.source(PACKAGE, module).foreign.isdisjoint({"cv2", "PIL", "matplotlib"}), module
+def test_the_core_draws_nothing_and_looks_collide_with_nothing():
+    core = [path for each in code.CORE for path in code._files(PACKAGE / each)]
+    outside = {path for each in code.NOT_CORE for path in code._files(PACKAGE / each)}
+    for path in (path for path in core if path not in outside):
+        assert not {
+            name for name in code._imports(path, "") if name.startswith(("pipeline.world.drawing", "pipeline.stages.drawing"))
+        }, path
+    for path in code._files(PACKAGE / "world/looks"):
+        assert "Collider" not in path.read_text(), path
 
 
 PHYSICS_KEYS = {
@@ -328,7 +328,7 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
     assert redrawn_keys(drawn, slot, before[SLOT.cell.path]) == slot_keys(drawn, slot)
     # without its task, its robot and its families
     for name in ("TASKS", "FAMILIES", "MODELS"):
-        monkeypatch.setattr(code_parts, name, {})
+        monkeypatch.setattr(code, name, {})
     assert redrawn_keys(RECIPE, SLOT, before[SLOT.cell.path]) == before[SLOT.cell.path]
 
 
@@ -345,12 +345,12 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
         ("assets/robots/aloha-agilex/meshes/link1.glb", []),
         ("world/physics/simulation.py", []),
         ("stages/dry_run.py", []),
-        ("tasks/language.py", []),
+        ("tasks/language/sentences.py", []),
     ],
 )
 def test_only_what_draws_makes_a_drawing_stale(tmp_path, monkeypatch, package, before, file, changed):
     root = edited(package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}")
-    monkeypatch.setattr(sources, "package_root", lambda: root)
+    monkeypatch.setattr(code, "package_root", lambda: root)
     source = before[SLOT.cell.path]
     assert redrawn_keys(RECIPE, SLOT, source).render.changed(source.render) == changed
 
@@ -358,20 +358,3 @@ def test_only_what_draws_makes_a_drawing_stale(tmp_path, monkeypatch, package, b
 def test_slots_have_keys_of_their_own():
     slots = [*RECIPE.slots(), Slot(SLOT.cell, 1), replace(SLOT, cell=replace(SLOT.cell, alpha=0.2))]
     assert len({slot_keys(RECIPE, slot).physics.digest for slot in slots}) == len(slots)
-
-
-def test_keys_are_the_same_with_a_cache_and_without(before, cache, monkeypatch):
-    for _ in range(2):
-        forget()
-        assert all_keys() == before
-    kept = list(cache.rglob("*.json"))
-    assert len(kept) == len({(cell.task, cell.embodiment, cell.domain) for cell in RECIPE.cells()}) + 1
-    for path in kept[::2]:
-        path.write_bytes(path.read_bytes()[:-9])
-    forget()
-    assert all_keys() == before
-    forget()
-    for name in ("slot_parts", "drawing_parts"):
-        monkeypatch.setattr(code_parts, name, None)  # all of it is in the cache again
-    assert all_keys() == before
-    forget()

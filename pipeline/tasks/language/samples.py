@@ -1,4 +1,4 @@
-"""Instructions drawn over all tasks: `python -m pipeline.tasks.samples > docs/language.md` updates that page."""
+"""Instructions drawn over all tasks: `python -m pipeline.tasks.language.samples > docs/language.md` updates that page."""
 
 import argparse
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
-from pipeline.tasks.language import Wording, instructions
+from pipeline.tasks.language.sentences import Wording, instructions
 from pipeline.tasks.layout import lay_out
 
 SEED, COUNT = 0, 58
@@ -21,12 +21,12 @@ They are made from templates (`phrases/TASK.txt` beside the task's file: 50 seen
 - speaks of motion only if the target moves: never at level 0, and about one time in four above it;
 - names every thing once, with a pronoun after that, and has the acting arm beside the verb that it belongs to.
 
-`pipeline/tasks/language_check.py` looks for slot leaks, articles, number, repeated nouns and misused verbs ("pick up it"). It also
+`pipeline/tasks/language/check.py` looks for slot leaks, articles, number, repeated nouns and misused verbs ("pick up it"). It also
 finds words of motion in still scenes, arms that do not act, phrases that attach to the wrong noun, and vague phrases. A test checks
 10,000 instructions over all tasks, and `domino-data check-task` checks a task.
 
 Below are {count} instructions of seed {seed}, drawn over all tasks, both splits, moving and still scenes, each in a new layout.
-`python -m pipeline.tasks.samples --seed 1` prints others; without options it prints this page.
+`python -m pipeline.tasks.language.samples --seed 1` prints others; without options it prints this page.
 
 | instruction | task | split |
 |---|---|---|
@@ -60,7 +60,7 @@ def page(seed: int, count: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m pipeline.tasks.samples", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m pipeline.tasks.language.samples", description=__doc__)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--count", type=int, default=COUNT)
     given = parser.parse_args()

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.tasks import TASKS, Draw, lay_out
-from pipeline.tasks.language import Wording, instructions, sentence, slots
-from pipeline.tasks.language_check import check_templates
+from pipeline.tasks.language.check import check_templates
+from pipeline.tasks.language.sentences import Wording, instructions, sentence, slots
 from pipeline.world.objects.contract import Words
 
 BELL = Words("bell", ("red bell", "small bell", "desk bell"), ("round chime", "table bell"))

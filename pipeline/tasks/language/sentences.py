@@ -3,7 +3,7 @@
 A template is a sentence such as "Press {bell} with {arm}.": a slot names a body of the layout ("the small red bell") or a role of
 an arm ("the left arm"); {bell:moving} puts an adjective in front ("the moving small red bell"). Templates carry no article before a
 slot. One that begins with "~" says that the target moves ("~ Catch {can}.") and is used only where it does. What templates and
-sentences must keep to is checked by pipeline/tasks/language_check.py.
+sentences must keep to is checked by pipeline/tasks/language/check.py.
 """
 
 import re

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pipeline.tasks import TASKS
-from pipeline.tasks import samples as drawing
-from pipeline.tasks.language import Wording, instructions
-from pipeline.tasks.language_check import CHECKS, faults
-from pipeline.tasks.samples import COUNT, SEED, page, samples, wording
+from pipeline.tasks.language import samples as drawing
+from pipeline.tasks.language.check import CHECKS, faults
+from pipeline.tasks.language.samples import COUNT, SEED, page, samples, wording
+from pipeline.tasks.language.sentences import Wording, instructions
 from pipeline.world.objects.contract import Words
 
 CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
@@ -21,7 +21,7 @@ BREAD = Words("bread", ("bread", "bun"), ("loaf",))
 SCENE = Wording((), (), {"cup": CUP, "basket": BASKET, "bread": BREAD}, {"arm": "left", "other": "right"})
 STILL = replace(SCENE, moving=False)
 ONE_ARM = replace(SCENE, arms={"arm": "left"})
-PAGE = Path(__file__).parents[2] / "docs" / "language.md"
+PAGE = Path(__file__).parents[3] / "docs" / "language.md"
 
 
 FAULTY = [
@@ -126,4 +126,4 @@ def test_the_page_in_the_documents_is_what_the_command_prints(drawn, monkeypatch
     monkeypatch.setattr(drawing, "samples", lambda *given: drawn if given == (SEED, COUNT) else None)
     shown = PAGE.read_text("utf-8")
     assert len(re.findall(r"^\| [A-Z]", shown, re.MULTILINE)) == COUNT == len(TASKS)
-    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.tasks.samples > docs/language.md`"
+    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.tasks.language.samples > docs/language.md`"

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
-from pipeline.tasks.language import CLAUSE, MOVING, Wording, crowded, nouns, singular, slots
+from pipeline.tasks.language.sentences import CLAUSE, MOVING, Wording, crowded, nouns, singular, slots
 
 MOTION = re.compile(
     r"\b(mov(?:es|ing)|on the move|in motion|mid-motion|slid(?:es|ing)|glid\w+|drift\w*|travel\w*|pass(?:es|ing)|catch\w*|caught"

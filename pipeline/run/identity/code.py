@@ -1,0 +1,234 @@
+"""What of the code decides an episode, as hashes of files of the package.
+
+The core (CORE) counts as a whole. Of what registers itself (REGISTERED), an episode depends on the
+files of its task, object families and motion model, and on those beside them that these import.
+Images also depend on DRAWING, sentences on LANGUAGE. Python files are compared by their syntax trees
+without docstrings: a comment, a docstring or a line break changes no hash.
+"""
+
+import ast
+import hashlib
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import pipeline
+from pipeline.data.keys import digest
+from pipeline.data.names import NONE
+from pipeline.data.rules import Rules
+from pipeline.motion.models import MODELS as MOTIONS
+from pipeline.plugins import outside_modules
+from pipeline.stages.surroundings import CLUTTER_FAMILIES
+from pipeline.tasks import TASKS
+from pipeline.tasks.layout import families_of
+from pipeline.world.objects.contract import FAMILIES
+from pipeline.world.objects.from_files import directory_of
+from pipeline.world.robots import MODELS, OURS
+from pipeline.world.robots.directory import content_key
+
+REGISTERED = ("tasks/library", "world/objects/families", "motion/models")
+LANGUAGE = ("tasks/language", "world/objects/words.py")
+SHADERS = ("world/drawing/shaders",)
+_DRAWING = ("stages/drawing", "world/drawing", "world/looks")
+CORE = (
+    *("stages", "tasks", "expert", "planning", "motion", "world", "poses.py"),
+    *("data/cameras.py", "data/clock.py", "data/rules.py", "data/spec.py"),
+    "data/episode/state_log.py",
+)
+NOT_CORE = (*REGISTERED, *LANGUAGE, *_DRAWING)
+DRAWING = (
+    *_DRAWING,
+    *("world/cameras.py", "world/glb.py", "world/shapes.py", "poses.py"),
+    *("data/brought.py", "data/cameras.py", "data/sensors.py", "data/episode/visuals.py"),
+)
+PHYSICS_PACKAGES = ("manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")
+DRAWING_PACKAGES = ("numba", "numpy", "opencv-python-headless", "sapien")
+
+
+@dataclass(frozen=True)
+class CellCode:
+    """What of the code decides the slots of a cell: hashes by name, `looks` one hash."""
+
+    physics: dict[str, str]
+    looks: str
+    language: dict[str, str]
+
+
+def package_root() -> Path:
+    """Directory of the package."""
+    return Path(next(iter(pipeline.__path__)))
+
+
+def code_version(root: Path) -> str:
+    """One hash of all code that can change any slot."""
+    objects = [name for name, family in FAMILIES.items() if directory_of(family)]
+    return digest(
+        [
+            hash_files(root, (*CORE, *DRAWING)),
+            _hash_modules(root, [*TASKS.values(), *FAMILIES.values(), *MOTIONS.values()]),
+            [robot_contents(root, name) for name in MODELS],
+            [object_content(name) for name in objects],
+            sorted((name, _hash_file(path)) for name, path in outside_modules().items()),
+            versions((*PHYSICS_PACKAGES, *DRAWING_PACKAGES)),
+        ]
+    )
+
+
+@cache
+def cell_code(root: Path, task: str, robots: str, randomized: bool, motion: str | None) -> CellCode:
+    """What decides the slots of a cell. `motion` is the model of the target's motion, None for the
+    task's own. Raises UnknownName for a task or a motion that the code does not have."""
+    this = TASKS[task]
+    named = sorted(families_of(this))
+    placed = sorted({*named, *(CLUTTER_FAMILIES if randomized else ())})
+    contents = robot_contents(root, robots)
+    motions = (motion or this.motion, *this.movers.values())
+    physics = {
+        "core": hash_files(root, CORE, NOT_CORE),
+        "task": _hash_modules(root, [this]),
+        "objects": _hash_modules(root, [FAMILIES[name] for name in placed]),
+        "robot": digest([robots, [content["physics"] for content in contents]]),
+        "motion": _hash_modules(root, [MOTIONS[name] for name in motions]),
+        "packages": versions(PHYSICS_PACKAGES),
+    }
+    language = {
+        "phrases": _hash_phrases(root, this, task),
+        "descriptions": digest({n: _hash_phrases(root, FAMILIES[n], n) for n in named}),
+        "grammar": hash_files(root, LANGUAGE),
+    }
+    return CellCode(physics, digest([content["looks"] for content in contents]), language)
+
+
+@cache
+def drawing_code(root: Path) -> dict[str, str]:
+    """What draws any episode from what it was stored with: the same for all tasks and robots."""
+    return {
+        "renderer": hash_files(root, DRAWING, SHADERS),
+        "shaders": hash_files(root, SHADERS),
+        "packages": versions(DRAWING_PACKAGES),
+    }
+
+
+@cache
+def evaluation_code(root: Path) -> str:
+    """A hash of the code by which policies act, are corrected and are scored."""
+    return hash_files(root, ("evaluate",), ("evaluate/templates",))
+
+
+@cache
+def robot_contents(root: Path, embodiment: str) -> list[dict[str, str]]:
+    """What the directories of an embodiment's robots hold: `physics` and `looks` of each."""
+    package = OURS.parents[1]
+    directories = [MODELS[name].directory for name in embodiment.split("+") if name != NONE]
+    ours = [each.is_relative_to(package) for each in directories]
+    pairs = zip(directories, ours, strict=True)
+    return [content_key(root / each.relative_to(package) if own else each) for each, own in pairs]
+
+
+def object_contents(task: str, randomized: bool, rules: Rules) -> dict[str, str]:
+    """What the objects from files hold that rules place for families of a task: `physics` and
+    `looks`; empty if there are none. Raises UnknownName for an object that does not exist."""
+    own, others = dict(rules.within(task).objects), dict(rules.objects if randomized else ())
+    used = [(family, own[family]) for family in sorted(own.keys() & families_of(TASKS[task]))]
+    used += [(family, others[family]) for family in sorted(others.keys() & {*CLUTTER_FAMILIES})]
+    held = [(family, [object_content(name) for name in names]) for family, names in used]
+    kinds = ("physics", "looks") if held else ()
+    return {kind: digest([[f, [each[kind] for each in all_of]] for f, all_of in held]) for kind in kinds}
+
+
+def object_content(name: str) -> dict[str, str]:
+    """As of a robot's directory, of an object. Raises UnknownName for one that does not exist."""
+    files = directory_of(FAMILIES[name])
+    return {"physics": name, "looks": name} if files is None else content_key(files.path)
+
+
+@cache
+def hash_files(root: Path, where: tuple[str, ...], without: tuple[str, ...] = ()) -> str:
+    """One hash of all files at or below some paths of the package, but those of `without`."""
+    found = {path for each in where for path in _files(root / each)}
+    found -= {path for each in without for path in _files(root / each)}
+    return digest([[path.relative_to(root).as_posix(), _hash_file(path)] for path in sorted(found)])
+
+
+def _files(path: Path) -> Iterator[Path]:
+    below = path.rglob("*") if path.is_dir() else [path]
+    return (each for each in below if each.is_file() and "__pycache__" not in each.parts)
+
+
+def _hash_modules(root: Path, items: Iterable[object]) -> str:
+    """A hash of the modules of tasks, families or motion models, and of those that they import
+    from beside them: modules of REGISTERED, or of plugins."""
+    return _hash_imported(root, tuple(sorted({str(each.__module__) for each in items})))
+
+
+@cache
+def _hash_imported(root: Path, modules: tuple[str, ...]) -> str:
+    known, names, found = _registered(root), [*modules], dict[str, str]()
+    while names:
+        name = names.pop()
+        if name not in found:
+            path = known.get(name) or Path(str(sys.modules[name].__file__))
+            found[name] = _hash_file(path)
+            names += [each for each in _imports(path, name) if each in known]
+    return digest(sorted(found.items()))
+
+
+@cache
+def _registered(root: Path) -> dict[str, Path]:
+    """The modules of REGISTERED and of plugins by name."""
+    paths = [path for each in REGISTERED for path in _files(root / each) if path.suffix == ".py"]
+    ours = [path.relative_to(root).with_suffix("").parts for path in paths]
+    names = [".".join([pipeline.__name__, *parts]) for parts in ours]
+    return dict(zip(names, paths, strict=True)) | outside_modules()
+
+
+@cache
+def _imports(path: Path, module: str) -> frozenset[str]:
+    """Names that may be modules which a module imports."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")
+            above = parents[: len(parents) + 1 - node.level] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            found |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return frozenset(found)
+
+
+@cache
+def _hash_file(path: Path) -> str:
+    """A hash of a file's bytes; of a Python file, of its syntax tree without docstrings."""
+    content = path.read_bytes()
+    if path.suffix == ".py":
+        tree = ast.parse(content)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                node.body = [each for each in node.body if not _is_text(each)] or [ast.Pass()]
+        content = ast.dump(tree).encode()
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _hash_phrases(root: Path, item: object, name: str) -> str:
+    """A hash of the phrases of a task or a family: beside its module or, of a plugin, in it."""
+    module = str(item.__module__)
+    if module.startswith(f"{pipeline.__name__}."):
+        return hash_files(root, ("/".join([*module.split(".")[1:-1], "phrases", f"{name}.txt"]),))
+    path = Path(str(sys.modules[module].__file__))
+    text = path.parent / "phrases" / f"{name}.txt"
+    return digest([text.read_text("utf-8") if text.is_file() else "", _hash_file(path)])
+
+
+@cache
+def versions(distributions: tuple[str, ...]) -> str:
+    """A hash of the installed versions of packages."""
+    return digest({name: version(name) for name in distributions})
