@@ -1,1 +1,1 @@
-"""Sentences: templates, the checks that they must pass, samples."""
+"""Sentences: templates, the checks that they must pass."""

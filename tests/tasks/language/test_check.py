@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.intake.catalogue import sentences as drawing
+from pipeline.intake.catalogue.sentences import COUNT, SEED, page, samples, wording
 from pipeline.tasks import TASKS
-from pipeline.tasks.language import samples as drawing
 from pipeline.tasks.language.check import CHECKS, faults
-from pipeline.tasks.language.samples import COUNT, SEED, page, samples, wording
 from pipeline.tasks.language.sentences import Wording, instructions
 from pipeline.world.objects.contract import Words
 
@@ -126,4 +126,4 @@ def test_the_page_in_the_documents_is_what_the_command_prints(drawn, monkeypatch
     monkeypatch.setattr(drawing, "samples", lambda *given: drawn if given == (SEED, COUNT) else None)
     shown = PAGE.read_text("utf-8")
     assert len(re.findall(r"^\| [A-Z]", shown, re.MULTILINE)) == COUNT == len(TASKS)
-    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.tasks.language.samples > docs/language.md`"
+    assert shown == page(SEED, COUNT), "write it anew with `python -m pipeline.intake.catalogue.sentences > docs/language.md`"

@@ -1,4 +1,4 @@
-"""Instructions drawn over all tasks: `python -m pipeline.tasks.language.samples > docs/language.md` updates that page."""
+"""Instructions drawn over all tasks: `python -m pipeline.intake.catalogue.sentences > docs/language.md` updates that page."""
 
 import argparse
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ finds words of motion in still scenes, arms that do not act, phrases that attach
 10,000 instructions over all tasks, and `domino-data check-task` checks a task.
 
 Below are {count} instructions of seed {seed}, drawn over all tasks, both splits, moving and still scenes, each in a new layout.
-`python -m pipeline.tasks.language.samples --seed 1` prints others; without options it prints this page.
+`python -m pipeline.intake.catalogue.sentences --seed 1` prints others; without options it prints this page.
 
 | instruction | task | split |
 |---|---|---|
@@ -60,7 +60,7 @@ def page(seed: int, count: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m pipeline.tasks.language.samples", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m pipeline.intake.catalogue.sentences", description=__doc__)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--count", type=int, default=COUNT)
     given = parser.parse_args()
