@@ -10,7 +10,7 @@ import typer
 
 from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, pool_of, print_result
 from pipeline.crew.pool import Pool
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import EDITED, Dataset
 
 FEW = 50  # slots that are judged sooner than workers are started
 MOST_FRAMES = 100_000  # more than any episode has
@@ -22,8 +22,10 @@ def status(dataset: Root, as_json: AsJson = False) -> None:
     from pipeline.run.status import status as run_status
     from pipeline.stages.reasons import Reason
 
-    values = run_status(Dataset(dataset))
-    lines = [
+    source = Dataset(dataset)
+    values = run_status(source)
+    lines = [f"{source.manifest}: {EDITED}"] if values["edited"] else []
+    lines += [
         f"{path:60} {c['accepted']:5} of {c['wanted']:5}, {c['given_up']} given up, {c['attempts']} attempts"
         for path, c in values["cells"].items()
     ]

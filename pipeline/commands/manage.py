@@ -76,8 +76,10 @@ def gc(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Remove episodes of no slot, annotations of no episode, assets of no episode, and partial files."""
-    from pipeline.run.gc import collect
+    """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and partial files.
+
+    Whole episodes of no slot go to DATASET/orphans."""
+    from pipeline.run.gc import WHOLE, collect
 
     if local:
         _forget(dataset, dry_run, as_json)
@@ -85,8 +87,10 @@ def gc(
     found = collect(Dataset(dataset), dry_run)
     lines = [f"{orphan.path}: {orphan.why}" for orphan in found[:SHOWN]]
     lines += [f"and {len(found) - SHOWN} more (--json prints all)"] if len(found) > SHOWN else []
-    size = sum(orphan.size for orphan in found) / 1e6
-    lines.append(f"{len(found)} files, {size:.1f} MB, {'would be' if dry_run else 'were'} removed")
+    would, removed = "would be" if dry_run else "were", [orphan for orphan in found if orphan.why != WHOLE]
+    if moved := len(found) - len(removed):
+        lines.append(f"{moved} whole episodes of no slot {would} moved to {Dataset(dataset).orphans}")
+    lines.append(f"{len(removed)} files, {sum(orphan.size for orphan in removed) / 1e6:.1f} MB, {would} removed")
     print_result({"removed": not dry_run, "files": [asdict(orphan) for orphan in found]}, as_json, "\n".join(lines))
 
 

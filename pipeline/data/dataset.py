@@ -24,9 +24,10 @@ from pipeline.data.ledger.table import ONE
 from pipeline.data.names import MANIFEST, RETIRED
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import check_regular, read_regular
-from pipeline.data.recipe.file import read_recipe
+from pipeline.data.recipe.file import is_edited, read_recipe
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, RecipeError, Slot, parse_recipe
+from pipeline.data.sealed import seal_yaml
 from pipeline.data.setup import Setup
 from pipeline.data.store.files import StoreError
 from pipeline.data.store.mirror import delete_uploaded, upload
@@ -39,11 +40,18 @@ REMAKE = "remove it, if it is there, and run the build again to make its slot"
 """What helps where a failed attempt that is kept is not the file that was written."""
 
 
+EDITED = (
+    "was edited after it was written; undo the edit. To change what a dataset holds, give `build` other options: "
+    "a dataset only grows, anything else needs another --out"
+)
+"""What is said of a manifest whose values are not those that were frozen."""
+
+
 class DatasetError(DominoError):
     """A dataset directory that cannot be used as asked: one line with the fix."""
 
 
-FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger", "logs", "report")
+FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "ledger", "logs", "orphans", "report")
 """Directories of a dataset."""
 
 
@@ -74,6 +82,8 @@ class Dataset:
         """Directory of the episode files."""
         self.failures = root / "failures"
         """Directory of the failed attempts that are kept: no episodes of the dataset."""
+        self.orphans = root / "orphans"
+        """Whole episodes that belong to no slot, which `gc` has moved here."""
         self.ledger = Ledger(root / "ledger")
         """Which slots are finished."""
 
@@ -122,6 +132,7 @@ class Dataset:
         """
         self.check_folders()
         if self.manifest.exists():
+            self.check_seal()
             held = self.recipe()
             if held == recipe:
                 return
@@ -139,7 +150,7 @@ class Dataset:
         self._freeze(recipe)
 
     def _freeze(self, recipe: Recipe) -> None:
-        write_atomic(self.manifest, recipe.to_yaml().encode())
+        write_atomic(self.manifest, seal_yaml(recipe.to_yaml()))
         upload(self.manifest)
 
     def recipe(self) -> Recipe:
@@ -160,6 +171,19 @@ class Dataset:
         if not recipe.tasks:
             raise DatasetError(f"{self.manifest}: names no tasks, so it is not the manifest of a dataset; restore it")
         return recipe
+
+    def is_edited(self) -> bool:
+        """Whether the values of manifest.yaml are not those that were frozen. A dataset of version 0.1.0 has no seal: False.
+
+        Raises DatasetError for a manifest that cannot be read.
+        """
+        self.recipe()
+        return is_edited(self.manifest)
+
+    def check_seal(self) -> None:
+        """Raise DatasetError if manifest.yaml was edited, or cannot be read."""
+        if self.is_edited():
+            raise DatasetError(f"{self.manifest}: {EDITED}")
 
     def setup(self) -> Setup:
         """The setup of the frozen recipe. Raises DatasetError if there is none."""

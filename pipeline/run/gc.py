@@ -10,9 +10,12 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.lock import exclusive
-from pipeline.data.store.mirror import delete_uploaded
+from pipeline.data.store.mirror import delete_uploaded, upload
 
 HALF = "half-written"
+WHOLE = "whole episode of no slot, goes to orphans/"
+LARGE = 0.25
+"""Share of whole episodes that belong to no slot above which nothing is touched: the recipe is wrong then, not they."""
 _EPISODE = re.compile(r"episode_\d{7,8}(_v\d+)?")
 _ASSET = re.compile(r"[0-9a-f]{32}")
 
@@ -30,9 +33,12 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
     """Remove, or only list, the orphaned files of a dataset.
 
     Orphans are episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and partial files of
-    dead processes of this machine. An episode of the recipe without a ledger entry stays: a resumed build writes both again. Raises
-    Busy if another command writes the dataset, DatasetError if a build of it was killed, OSError if a file cannot be removed.
+    dead processes of this machine. An episode that is whole and accepted is never removed: it goes to orphans/. An episode of the
+    recipe without a ledger entry stays: a resumed build writes both again. Raises Busy if another command writes the dataset,
+    DatasetError if a build of it was killed, if its manifest was edited, and if more than LARGE of its whole episodes belong to no
+    slot; OSError if a file cannot be removed.
     """
+    dataset.check_seal()
     recipe = dataset.recipe()
     with exclusive(dataset.root):
         if any((dataset.ledger.root / "running").glob("*.running")):
@@ -40,8 +46,17 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
         found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
         if dry_run:
             return found
+        whole = [dataset.root / orphan.path for orphan in found if orphan.why == WHOLE]
+        held = sum(dataset.episode(slot).exists() for slot in recipe.slots())
+        if len(whole) > LARGE * (len(whole) + held):
+            raise DatasetError(
+                f"{dataset.root}: {len(whole)} of {len(whole) + held} whole episodes belong to no slot of {dataset.manifest.name}, "
+                f"more than {100 * LARGE:g} %: restore the manifest that they were built with, or move them away"
+            )
         sweep(dataset.root)  # of what is half-written only that whose process is gone
-        gone = [dataset.root / orphan.path for orphan in found if orphan.why != HALF]
+        for path in whole:
+            _set_aside(dataset, path)
+        gone = [dataset.root / orphan.path for orphan in found if orphan.why not in (HALF, WHOLE)]
         for path in gone:
             remove(path)
         delete_uploaded(*gone)
@@ -55,18 +70,19 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
         return Orphan(path.relative_to(dataset.root).as_posix(), why, path.lstat().st_size)
 
     wanted = {f"{slot.path}.hdf5" for slot in recipe.slots()}
-    held = set[str]()
+    held, whole = set[str](), set[str]()
     for path in dataset.episodes.rglob("*.hdf5"):
         name = path.relative_to(dataset.episodes).as_posix()
         if name in wanted:
             held.add(name)
         elif _EPISODE.fullmatch(path.stem):
-            yield orphan(path, "episode of no slot")
+            whole |= {name} if _is_whole(path) else set()
+            yield orphan(path, WHOLE if name in whole else "episode of no slot")
     for stage in (dataset.root / "annotations").glob("*@*"):
         for path in stage.rglob("*.h5"):
             if path.relative_to(stage).with_suffix(".hdf5").as_posix() not in held and _EPISODE.fullmatch(path.stem):
                 yield orphan(path, "annotation of no episode")
-    named = _list_named(dataset, recipe, held)
+    named = _list_named(dataset, recipe, held | whole)
     for path in dataset.bodies.glob("[0-9a-f][0-9a-f]/*.npz"):
         if named is not None and path.stem not in named and _ASSET.fullmatch(path.stem):
             yield orphan(path, "asset of no episode")
@@ -74,12 +90,35 @@ def _orphans(dataset: Dataset, recipe: Recipe) -> Iterator[Orphan]:
         yield orphan(path, HALF)
 
 
+def _is_whole(path: Path) -> bool:
+    """Whether a file is an accepted episode whose content is what was written."""
+    try:
+        with EpisodeFile(path) as file:
+            return file.meta.failure is None and not file.damaged()
+    except (EpisodeError, OSError):
+        return False
+
+
+def _set_aside(dataset: Dataset, path: Path) -> None:
+    """Move an episode to orphans/, beside what is there."""
+    place = dataset.orphans / path.relative_to(dataset.root)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    number = 1
+    while place.exists():
+        place, number = place.with_name(f"{path.stem}.{number}{path.suffix}"), number + 1
+    path.rename(place)
+    upload(place)
+    delete_uploaded(path)
+
+
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
-    """The assets that episodes and stored failures name; None if one cannot be read, since any asset may be in use then."""
+    """The assets that episodes, stored failures and what is in orphans/ name; None if one of these cannot be read: any asset
+    may be in use then."""
     entries = dataset.entries(recipe, ("assets",))
     named = set(entries.table["assets"].combine_chunks().flatten().to_pylist())
     known = {f"{slot.path}.hdf5" for slot, assets in zip(entries.slots, entries.table["assets"].to_pylist(), strict=True) if assets}
-    for path in (*(dataset.episodes / name for name in held - known), *dataset.failures.rglob("*.hdf5")):
+    unknown = (dataset.episodes / name for name in held - known)
+    for path in (*unknown, *dataset.failures.rglob("*.hdf5"), *dataset.orphans.rglob("*.hdf5")):
         try:
             with EpisodeFile(path) as file:
                 named |= set(file.meta.drawing.assets.values())

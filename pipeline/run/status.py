@@ -24,6 +24,8 @@ _READ = ("seed", "outcome", "stage", "reason", "detail", "conditions")
 def status(dataset: Dataset) -> dict[str, Any]:
     """The state of a dataset: slots wanted, accepted, given up and open; attempts and their failures by reason; the same per cell.
 
+    `edited` tells whether its manifest was edited.
+
     `failures` has the reasons in detail (as Reason); `redo` the parts that a build would make again, and the changes that cause it,
     as {"what", "because", "slots"}; `pairs` (as Pairs) is there if the recipe pairs cells; `stopped` has the cells that the
     recipe's floor stops, as {"cell", "slots", "because"}.
@@ -48,6 +50,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
     for failure in failures:
         by_reason[failure.reason] += failure.attempts
     return total | {
+        "edited": dataset.is_edited(),
         "open": total["wanted"] - total["accepted"] - total["given_up"],
         "attempt_success": solved / total["attempts"] if total["attempts"] else None,
         "reasons": dict(by_reason.most_common()),

@@ -184,6 +184,79 @@ def test_orphans_are_listed_then_removed_and_nothing_else(tmp_path):
     assert collect(dataset) == []
 
 
+def stray(dataset, count=1):
+    """Whole episodes of no slot, each with an asset of its own."""
+    paths = []
+    for number in range(count):
+        path = dataset.episodes / f"gone_task/aloha-agilex/L1/clean/episode_{number:07d}.hdf5"
+        make_episode(path, task="gone_task", slot=number, frames=3)
+        paths.append(path)
+    return paths
+
+
+def test_a_whole_episode_of_no_slot_is_set_aside_and_what_is_there_stays(tmp_path):
+    dataset = made(tmp_path / "out", {0, 1, 2})
+    for number in range(2):
+        (path,) = stray(dataset)
+        data = path.read_bytes()
+        code, out, _ = inside("gc", dataset.root)
+        assert code == 0 and "1 whole episodes of no slot were moved to" in out and not path.exists()
+        name = path.name if not number else f"{path.stem}.1.hdf5"
+        assert (dataset.orphans / "episodes/gone_task/aloha-agilex/L1/clean" / name).read_bytes() == data
+    assert collect(dataset) == []
+
+
+def test_more_than_a_quarter_of_the_episodes_is_not_touched(tmp_path):
+    dataset = made(tmp_path / "out", {0, 1, 2})
+    stray(dataset, 2)
+    before = everything(dataset.root)
+    with pytest.raises(DatasetError, match=r"2 of 5 whole episodes belong to no slot of manifest.yaml, more than 25 %"):
+        collect(dataset)
+    assert everything(dataset.root) == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("alpha:\n- 0.1\n", "alpha:\n- 0.9\n"),
+        ("levels:\n- 1\n", "levels:\n- 3\n"),
+        ("\nepisodes: 3\n", "\nepisodes: 1\n"),
+        ("\nattempts: 30\n", "\nattempts: 31\n"),
+        ("\ninstructions: 100\n", "\ninstructions: 99\n"),
+        ("\nvisual_seed: 0\n", "\nvisual_seed: 1\n"),
+        ("keep_failures: none", "keep_failures: all"),
+        ("expert: planned", "expert: reactive"),
+        ("lead: 0.0", "lead: 0.5"),
+        ("textures: seen", "textures: unseen"),
+    ],
+)
+def test_an_edited_manifest_is_named_and_costs_nothing(tmp_path, old, new):
+    dataset = made(tmp_path / "out", {0, 1, 2})
+    text = dataset.manifest.read_text()
+    assert old in text
+    dataset.manifest.write_text(text.replace(old, new))
+    before = everything(dataset.root)
+    said = f"{dataset.manifest}: was edited"
+    for words in (
+        ("gc", dataset.root),
+        ("build", "--tasks", "click_bell", "--levels", "1", "--episodes", "3", "--out", dataset.root),
+    ):
+        code, out, err = inside(*words)
+        assert (code, out) == (2, "") and said in err and err.count("\n") == 1
+    code, out, _ = inside("status", dataset.root)
+    assert code == 0 and out.startswith(said)
+    assert everything(dataset.root) == before
+
+
+def test_a_dataset_that_grows_is_sealed_again_and_one_of_before_has_no_seal(tmp_path):
+    dataset = made(tmp_path / "out", {0, 1, 2})
+    dataset.create(RECIPE.model_copy(update={"episodes": 4}))
+    assert not dataset.is_edited() and dataset.recipe().episodes == 4
+    lines = dataset.manifest.read_text().splitlines(keepends=True)
+    dataset.manifest.write_text("".join(lines[:-1]).replace("episodes: 4", "episodes: 5"))
+    assert not dataset.is_edited() and dataset.recipe().episodes == 5
+
+
 def test_an_asset_that_only_a_kept_failure_names_stays(tmp_path):
     dataset = made(tmp_path / "out", {0})
     failure = dataset.failure(next(RECIPE.slots()), 0)

@@ -5,6 +5,7 @@ from typing import Any
 
 import pipeline
 from pipeline.data.parsing import ParseError, read_mapping
+from pipeline.data.sealed import SEAL, is_unchanged
 from pipeline.data.setup import RecipeError
 
 FOLDER = "manifests"
@@ -26,6 +27,16 @@ def find_recipe(given: Path) -> Path:
 
 def read_recipe(path: Path) -> dict[str, Any]:
     """The keys of a recipe file, unchecked. Raises RecipeError for a file that is missing or not a YAML mapping of texts."""
+    return {key: value for key, value in _read(path).items() if key != SEAL}
+
+
+def is_edited(path: Path) -> bool:
+    """Whether a sealed recipe file has other values than it was written with; one without a seal has not. Raises RecipeError."""
+    values = _read(path)
+    return SEAL in values and not is_unchanged(values)
+
+
+def _read(path: Path) -> dict[str, Any]:
     try:
         return read_mapping(path, "levels: [1, 2]")
     except ParseError as error:
