@@ -191,10 +191,12 @@ def _describe(rows: list[dict[str, Any]], effect: float) -> str:
 @recipe_options("rules", "cameras", files=(), rules="domino")
 def paper_table(
     given: Given,
-    name: Annotated[str, typer.Argument(help="main, task-type, history-aware, cross-level, slow or double.", metavar="NAME")],
+    name: Annotated[str, typer.Argument(help="One of those in docs/evaluation.md, such as main.", metavar="NAME")],
     policy: Annotated[str, typer.Option(help="A policy, as for `evaluate`.")],
+    tasks: Annotated[str, typer.Option(help="Only these of its tasks, such as click_bell.")] = "",
     episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")] = 100,
     clock: Annotated[str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")] = None,
+    in_process: Annotated[bool, typer.Option("--in-process", help="As for `evaluate`.")] = False,
     executor: Executor = "auto",
     workers: Workers = None,
     out: Annotated[Path, typer.Option(help="Directory of the results; rerun the same command to resume.")] = Path("OUT"),
@@ -207,13 +209,20 @@ def paper_table(
     from pipeline.run.evaluation import evaluation_of, runner
 
     found = experiment(name)
-    cells = {"tasks": found.tasks, "levels": found.levels, "alpha": found.alpha, "embodiments": "aloha"}
+    cells = {
+        "tasks": tuple(tasks.split(",")) if tasks else found.tasks,
+        "levels": found.levels,
+        "alpha": found.alpha,
+        "embodiments": "aloha",
+    }
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(recipe, setup, isolate(policy_name(policy)), clock or "", episodes=episodes)
+    named = policy_name(policy) if in_process else isolate(policy_name(policy))
+    wanted = evaluation_of(recipe, setup, named, clock or "", episodes=episodes)
     means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
     rows = beside(found, means)
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
+    apart += [f"tasks {tasks} alone"] if tasks else []
     lines = [
         (
             row["method"] if row["paper"] else f"-> {row['method']}",

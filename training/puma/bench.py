@@ -58,7 +58,7 @@ def made_up(config: Config, folder: Path, frames: int = 500) -> Corpus:
     cache = Cache(folder, 15, JOINTS, dict.fromkeys(data.cameras, SOURCE_SIZE), rows, arrays)
     config = config.model_copy(update={"data": data.model_copy(update={"sources": (Source(dataset=folder),)})})
     part = Part.of(cache, range(len(rows)))
-    return Corpus(config, [part], [], preprocessing_of(config, [cache], [part]))
+    return Corpus(config, [part], [], preprocessing_of(config, [cache], [part]), [1.0])
 
 
 def seconds_of(work: Callable[[], object], repeats: int = 5) -> float:

@@ -81,6 +81,7 @@ def open_cache(source: Source, config: Config, tell: Tell = lambda text: None) -
     }
     corrected = True if shards.corrected else None
     options = {"track": True if model.track else None, "after_success": data.after_success, "corrected": corrected}
+    options["oracle"] = True if model.oracle else None
     path = cache_root(config) / digest(parts | {name: value for name, value in options.items() if value is not None})
     if not (path / "meta.json").exists():
         tell(f"decoding {len(shards.rows)} episodes of {source.dataset} to {path}")
@@ -132,6 +133,8 @@ def _arrays(shard: Shard, config: Config, sizes: dict[str, tuple[int, int]]) -> 
         "action": shard.action,
         "position": shard.target[:, :3],
     }
+    if model.oracle:
+        out["target"] = shard.target
     if model.track:
         out |= {"target": shard.target, "camera": shard.camera, "free": ~shard.touched}
     for i, camera in enumerate(data.cameras):

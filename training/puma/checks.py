@@ -14,7 +14,7 @@ from training.puma.config import Config, Source
 from training.puma.data import Corpus, Part, batch_of, open_corpus
 from training.puma.loader import Loader
 from training.puma.model.puma import build_model
-from training.puma.policy import PumaPolicy
+from training.puma.policy import OraclePolicy, PumaPolicy
 from training.puma.shards import Shard, Shards
 from training.puma.tracking import follow
 from training.puma.train import groups, sizes_of
@@ -51,13 +51,15 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
     commanded; `different` counts inputs that are not those that training makes of the same frame.
     """
     held = checkpoint.load(folder)
-    config = held.config
+    # one part a dataset
+    config = held.config.model_copy(update={"data": held.config.data.model_copy(update={"balance": "frames"})})
     if data:
         sources = tuple(Source(dataset=path) for path in data)
         config = config.model_copy(update={"data": config.data.model_copy(update={"sources": sources})})
     network = held.model()
     corpus = follow(open_corpus(config), network, trained=True)
-    policy = PumaPolicy(network, held.preprocessing)
+    kind = OraclePolicy if config.model.oracle else PumaPolicy
+    policy = kind(network, held.preprocessing)
     wrong, answers, different, shown = np.zeros(len(held.preprocessing.names)), 0, 0, 0
     validated = {id(part.cache): part for part in corpus.validation}
     for source, training in zip(config.data.sources, corpus.train, strict=True):
@@ -68,7 +70,7 @@ def replay_check(folder: Path, data: Sequence[Path] | None, episodes: int) -> di
         shards = Shards(source, config)
         for number in sorted({*part.episode.tolist()})[:episodes]:
             shard = shards.read(shards.rows[number])
-            errors, unlike = _replay(policy, shard, Corpus(config, [part], [], held.preprocessing), number)
+            errors, unlike = _replay(policy, shard, Corpus(config, [part], [], held.preprocessing, [1.0]), number)
             wrong, answers, different, shown = wrong + sum(errors), answers + len(errors), different + unlike, shown + 1
     means = wrong / max(answers, 1)
     return {
@@ -85,6 +87,9 @@ def _replay(policy: PumaPolicy, shard: Shard, corpus: Corpus, number: int) -> tu
     prep, part = policy.preprocessing, corpus.train[0]
     words, sizes = shard.row.instructions[0], prep.source_sizes
     policy.reset(Start(words, shard.row.embodiment, prep.names, prep.fps, prep.cameras, 0, sizes))
+    if isinstance(policy, OraclePolicy):
+        last = shard.row.length - 1
+        policy.future = lambda times: shard.target[np.minimum(np.rint(times * prep.fps).astype(int), last)]
     places = np.flatnonzero(part.episode == number)
     # of a corrected episode, what the policy did before the expert took over is shown and not compared
     taught = int(part.frame[places[0]] - part.first[places[0]])

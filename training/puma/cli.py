@@ -165,6 +165,27 @@ def memory(
 
 
 @app.command(cls=BoundedCommand)
+def paper(
+    name: Annotated[str, typer.Argument(help="An experiment of the paper, such as ablation.")],
+    out: Out,
+    settings: Settings = None,
+    tiny: Annotated[bool, typer.Option("--tiny", help="One task, one step: a trial.")] = False,
+) -> None:
+    """Run an experiment of the DOMINO paper: build, annotate, export, train each of its networks,
+    and print their results beside the published rows."""
+    from pipeline.cli import app as domino
+    from training.puma.paper import FULL, TINY, commands
+
+    programs = {"domino-data": domino, "puma": app}
+    for command in commands(name, out, TINY if tiny else FULL, settings or ()):
+        print(f"+ {command}", flush=True)
+        program = programs[command.program]
+        code = program(list(command.words), prog_name=command.program, standalone_mode=False)
+        if isinstance(code, int) and code not in command.good:
+            raise typer.Exit(code)
+
+
+@app.command(cls=BoundedCommand)
 def configs() -> None:
     """List the configurations that come with the package."""
     from training.puma.reading import CONFIGS, names

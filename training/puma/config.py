@@ -123,6 +123,10 @@ class Model(_Part):
     """What world queries predict of the target: encoder features (the paper), its box in the image, or nothing."""
     world_queries: Annotated[int, Field(ge=1, le=16)] = 4
     """N: later moments that are predicted."""
+    sentences: bool = False
+    """Whether words stand around the queries of Qwen3-VL, as in the published code: "Predict
+    future object states:" before those of the world, "Predict the next K robot actions:" before
+    those of the actions. The paper names none."""
     state: bool = False
     """Whether measured joints are an input."""
     history_times: bool = False
@@ -141,12 +145,13 @@ class Model(_Part):
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False
-    """Whether the true positions of the target at the predicted moments are an input: an upper bound, not a policy."""
+    """Whether the action queries are told the target's future (training/puma/model/oracle.py): an upper
+    bound, not a policy."""
 
     @model_validator(mode="after")
     def _sees(self) -> "Model":
-        if self.backbone.kind == "perceptron" and not (self.state or self.track or self.oracle):
-            raise ValueError("a perceptron reads no images: set model.track, model.state or model.oracle")
+        if self.backbone.kind == "perceptron" and not (self.state or self.track):
+            raise ValueError("a perceptron reads no images: set model.track or model.state")
         if self.backbone.kind == "perceptron" and self.world != "none":
             raise ValueError("a perceptron predicts actions alone: set model.world to none")
         if self.arms and self.track is None:
@@ -190,6 +195,12 @@ class Data(_Part):
     """Which flow annotation. A policy can only compute farneback."""
     normalisation: Literal["min_max", "mean_std", "quantile"] = "min_max"
     """How joints and actions are scaled."""
+    grippers: Literal["measured", "binary"] = "measured"
+    """What is predicted of grippers: their targets, or 0 and 1 for those below and above one half
+    (the published code)."""
+    balance: Literal["frames", "tasks"] = "frames"
+    """Whether all frames of a dataset are equally likely, or all of its tasks (the published
+    code)."""
     floor: Annotated[float, Field(gt=0)] = 0.01
     """Smallest half range or deviation (rad, or of a gripper) that a joint is divided by."""
     validation: Annotated[float, Field(ge=0, le=0.5)] = 0.05
@@ -216,6 +227,12 @@ class Train(_Part):
     head_rate: Annotated[float, Field(gt=0)] = 1e-4
     floor_rate: Annotated[float, Field(ge=0)] = 5e-7
     """Learning rate of the backbone at the end; that of the heads ends at the same share of its peak."""
+    world_rate: Annotated[float, Field(gt=0)] | None = None
+    """Highest learning rate of the world head and of the queries; `head_rate` by default. The
+    paper names none, the published code has 1e-5."""
+    action_loss: Literal["sum", "mean"] = "sum"
+    """The L1 of an action: summed over joints (the paper), or their mean (the published code),
+    beside which `world_weight` counts as many times more as there are joints."""
     warmup: Annotated[int, Field(ge=0)] = 5000
     betas: tuple[_Beta, _Beta] = (0.9, 0.95)
     epsilon: Annotated[float, Field(gt=0)] = 1e-8

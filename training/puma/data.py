@@ -14,6 +14,7 @@ from pipeline.data.splits import position_of
 from training.puma.cache import Cache, Tell, open_cache
 from training.puma.config import Config
 from training.puma.errors import TrainError
+from training.puma.model.oracle import oracle_numbers
 from training.puma.preprocess import Preprocessing, Scale, colour_of, fit_scale
 from training.puma.track import Sight
 
@@ -55,6 +56,8 @@ class Corpus:
     train: list[Part]
     validation: list[Part]
     preprocessing: Preprocessing
+    weights: list[float]
+    """Share of the samples of each part of `train`."""
 
 
 def open_corpus(config: Config, tell: Tell = lambda text: None) -> Corpus:
@@ -67,9 +70,21 @@ def open_corpus(config: Config, tell: Tell = lambda text: None) -> Corpus:
             if getattr(cache, name) != getattr(caches[0], name):
                 raise TrainError(f"{cache.path}: {name} {getattr(cache, name)} differs from {getattr(caches[0], name)}")
     splits = [split_episodes(cache, config.data.validation) for cache in caches]
-    train = [Part.of(cache, training) for cache, (training, _) in zip(caches, splits, strict=True)]
+    train, weights = list[Part](), list[float]()
+    for source, cache, (training, _) in zip(config.data.sources, caches, splits, strict=True):
+        groups = _by_task(cache, training) if config.data.balance == "tasks" else [training]
+        train += [Part.of(cache, group) for group in groups]
+        weights += [source.weight / len(groups)] * len(groups)
     validation = [Part.of(cache, held) for cache, (_, held) in zip(caches, splits, strict=True) if held]
-    return Corpus(config, train, validation, preprocessing_of(config, caches, train))
+    return Corpus(config, train, validation, preprocessing_of(config, caches, train), weights)
+
+
+def _by_task(cache: Cache, episodes: Sequence[int]) -> list[list[int]]:
+    """Episodes of each task."""
+    found: dict[str, list[int]] = {}
+    for number in episodes:
+        found.setdefault(cache.rows[number].path.parts[0], []).append(number)
+    return list(found.values())
 
 
 def split_episodes(cache: Cache, share: float) -> tuple[list[int], list[int]]:
@@ -144,7 +159,7 @@ def batch_of(part: Part, places: NDArray[np.int64], config: Config, preprocessin
     """The arrays of B frames of one part.
 
     `image_<camera>` (B,h,w,3) uint8, where the network looks at them; `past` (B,h,fh,fw,3) uint8, oldest first, and `past_time`
-    (B,h) s, at most 0; `state` (B,A) and `action` (B,K,A) normalised; `clock` (B,) s; `world` (B,N,D) and `oracle` (B,N,3) m.
+    (B,h) s, at most 0; `state` (B,A) and `action` (B,K,A) normalised; `clock` (B,) s; `world` (B,N,D) and `oracle` (B,F).
     `action_valid` (B,K) is False past the last frame of the episode, `world_valid` (B,N) also where the target was not seen. `row`
     (B,) numbers the episodes. Where the target is tracked: `track` (B,2K+2), `tools` (B,2,3) m, `free` (B,), whether the
     robot has not touched it yet, and `choice` (B,), the number of the arms that act.
@@ -167,13 +182,14 @@ def batch_of(part: Part, places: NDArray[np.int64], config: Config, preprocessin
         out["past_time"] = np.asarray(arrays["time"][at] - arrays["time"][now][:, None], np.float32)
     if model.track:
         out |= {name: np.asarray(arrays[name][now]) for name in ("track", "tools", "free", "choice")}
-    if model.world != "none" or model.oracle:
+    if model.oracle:
+        at = np.minimum(frame + np.arange(model.chunk + 1), last)
+        out["oracle"] = oracle_numbers(arrays["target"][at], part.cache.fps)
+    if model.world != "none":
         later = frame + model.stride * np.arange(1, model.world_queries + 1)
         at = np.minimum(later, last)
-        out["oracle"] = np.asarray(arrays["position"][at], np.float32)
-        if model.world != "none":
-            out["world"] = arrays["world"][at].astype(np.float32)
-            out["world_valid"] = (later <= last) & arrays["valid"][at]
+        out["world"] = arrays["world"][at].astype(np.float32)
+        out["world_valid"] = (later <= last) & arrays["valid"][at]
     out["row"] = part.episode[places]
     return out
 
@@ -186,6 +202,8 @@ def _commands(part: Part, places: NDArray[np.int64], config: Config) -> tuple[ND
     # the last recorded action belongs to the interval after the last frame: nothing was measured there
     exist = ahead < np.maximum(last, first + 1)
     commands = arrays["action"][np.minimum(ahead, last)]
+    if config.data.grippers == "binary":
+        commands = np.where(grippers_of(names), commands > 0.5, commands).astype(np.float32)
     if config.model.offsets:
         commands = commands - references(arrays["state"][part.frame[places]], names)[:, None]
     return commands, exist
@@ -193,7 +211,12 @@ def _commands(part: Part, places: NDArray[np.int64], config: Config) -> tuple[ND
 
 def references(joints: NDArray[Any], names: Sequence[str]) -> NDArray[Any]:
     """The joints (...,A) that predicted offsets are added to: those measured, and zero for grippers."""
-    return np.where([name.endswith("gripper") for name in names], 0, joints)
+    return np.where(grippers_of(names), 0, joints)
+
+
+def grippers_of(names: Sequence[str]) -> list[bool]:
+    """Which joints are grippers."""
+    return [name.endswith("gripper") for name in names]
 
 
 def joined(batches: Sequence[Arrays], order: NDArray[np.int64]) -> Arrays:

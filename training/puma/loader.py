@@ -48,8 +48,8 @@ class Loader:
     def __init__(self, corpus: Corpus, words: Words, share: Share | None = None) -> None:
         config = corpus.config
         self._corpus, self._words, self._share = corpus, words, share or Share()
-        weights = [source.weight for source in config.data.sources]
-        self.sampler = Sampler([len(part) for part in corpus.train], weights, config.train.batch, config.train.seed)
+        sizes = [len(part) for part in corpus.train]
+        self.sampler = Sampler(sizes, corpus.weights, config.train.batch, config.train.seed)
         self._ready: queue.Queue[Batch | BaseException] = queue.Queue(AHEAD)
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None

@@ -1,7 +1,7 @@
 """A trained policy that acts: history by simulated time, one network pass a chunk, and how chunks follow each other."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import batched
 from pathlib import Path
@@ -22,6 +22,7 @@ from training.puma import checkpoint
 from training.puma.config import Config, Execute
 from training.puma.data import references
 from training.puma.model.inputs import Inputs, inputs_of, stacked
+from training.puma.model.oracle import oracle_numbers
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.track import Track, aims
@@ -210,18 +211,20 @@ class PumaPolicy(BatchPolicy):
 
 
 class OraclePolicy(PumaPolicy):
-    """A policy that receives the target's future positions: an upper bound, evaluated as one that sees the truth."""
+    """A policy that receives the target's future: an upper bound, evaluated as one that sees the
+    truth."""
 
-    _trial: Trial | None = None
+    future: Callable[[Floats], Floats] | None = None
+    """World poses (T,7) of the target at times (T,), s."""
 
     def see(self, trial: Trial, case: Case) -> None:
         """The trial that begins."""
-        self._trial = trial
+        self.future = trial.motion.pose
 
     def arrays(self, memory: Memory, observation: Observation) -> dict[str, NDArray[Any]]:
-        """As of every policy, and `oracle` (1,N,3)."""
-        assert self._trial is not None
-        model, prep = self.config.model, self.preprocessing
-        ahead = prep.stride / prep.fps * np.arange(1, model.world_queries + 1)
-        positions = self._trial.motion.pose(observation.time + ahead)[:, :3]
-        return super().arrays(memory, observation) | {"oracle": positions[None].astype(np.float32)}
+        """As of every policy, and `oracle` (1,F)."""
+        assert self.future is not None
+        fps = self.preprocessing.fps
+        poses = self.future(observation.time + np.arange(self.config.model.chunk + 1) / fps)
+        told = oracle_numbers(poses[None].astype(np.float32), fps)
+        return super().arrays(memory, observation) | {"oracle": told}

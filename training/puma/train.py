@@ -134,15 +134,28 @@ def sizes_of(corpus: Corpus) -> Sizes:
 
 
 def groups(network: Puma, settings: Train) -> list[dict[str, Any]]:
-    """Weights of the backbone and of what is new, each with its learning rate; biases, norms and queries do not decay."""
-    out: list[dict[str, Any]] = []
-    for inside, rate in ((True, settings.backbone_rate), (False, settings.head_rate)):
-        named = [(n, p) for n, p in network.named_parameters() if p.requires_grad and n.startswith("backbone.") == inside]
-        for decays in (True, False):
-            some = [p for n, p in named if (p.ndim > 1 and n != "queries") == decays]
-            if some:
-                out.append({"params": some, "lr": rate, "peak": rate, "weight_decay": settings.weight_decay if decays else 0.0})
-    return out
+    """Weights of the backbone, of what is new, and of the world head and the queries, each with its
+    learning rate; biases, norms and queries do not decay."""
+    rates = {
+        "backbone": settings.backbone_rate,
+        "heads": settings.head_rate,
+        "world": settings.world_rate or settings.head_rate,
+    }
+    found: dict[tuple[float, bool], list[nn.Parameter]] = {}
+    for name, weight in network.named_parameters():
+        if weight.requires_grad:
+            decays = weight.ndim > 1 and name != "queries"
+            found.setdefault((rates[_part_of(name)], decays), []).append(weight)
+    return [
+        {"params": some, "lr": rate, "peak": rate, "weight_decay": settings.weight_decay * decays}
+        for (rate, decays), some in found.items()
+    ]
+
+
+def _part_of(name: str) -> str:
+    if name.startswith("backbone."):
+        return "backbone"
+    return "world" if name == "queries" or name.startswith("world_head.") else "heads"
 
 
 def rate_at(step: int, settings: Train) -> float:

@@ -39,7 +39,7 @@ class Experiment:
     trained: str
     rows: tuple[PaperRow, ...]
     tasks: tuple[str, ...] = ("all",)
-    alpha: float = 0.1
+    alpha: tuple[float, ...] = (0.1,)
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -101,7 +101,76 @@ EXPERIMENTS = {
         "the ten tasks at level 1, alpha 0.1",
         (PaperRow("pi0.5", 10.86, 28.29), PaperRow("PUMA", 19.91, 36.75)),
         TEN,
-        0.05,
+        (0.05,),
+    ),
+    "random-alpha": Experiment(
+        "alpha_gen: ten tasks, level 1, an alpha of its own for every episode",
+        "the ten tasks at level 1, alpha 0.1",
+        (PaperRow("pi0.5", 10.49, 27.20), PaperRow("PUMA", 18.34, 36.46)),
+        TEN,
+        (0.06, 0.08, 0.1, 0.12, 0.14),
+    ),
+    "strategies": Experiment(
+        "vla_in_sd: 35 tasks, targets that stand still (level 0) and that move (level 1)",
+        "all 35 tasks at level 0 (S) or at level 1 (D)",
+        (
+            PaperRow("ACT, S", 27.74, 27.74, 0),
+            PaperRow("OpenVLA-OFT, S", 17.51, 17.51, 0),
+            PaperRow("pi0.5, S", 44.83, 44.83, 0),
+            PaperRow("ACT, D", 13.97, 13.97, 0),
+            PaperRow("OpenVLA-OFT, D", 14.09, 14.67, 0),
+            PaperRow("pi0.5, D", 22.54, 22.54, 0),
+            PaperRow("ACT, S", 6.54, 26.74),
+            PaperRow("OpenVLA-OFT, S", 6.71, 20.02),
+            PaperRow("pi0.5, S", 7.46, 20.44),
+            PaperRow("ACT, D", 9.43, 24.97),
+            PaperRow("OpenVLA-OFT, D", 9.06, 24.06),
+            PaperRow("pi0.5, D", 9.63, 26.12),
+        ),
+    ),
+    "mixture": Experiment(
+        "exp_mix: 35 tasks, level 1",
+        "all 35 tasks at level 1 (D), or at levels 0 and 1 (S + D)",
+        (
+            PaperRow("OpenVLA-OFT (Qwen3-VL), D", 10.86, 30.49),
+            PaperRow("OpenVLA-OFT (Qwen3-VL), S + D", 12.89, 30.80),
+            PaperRow("PUMA with N = 2, D", 14.80, 32.74),
+            PaperRow("PUMA with N = 2, S + D", 19.71, 37.76),
+        ),
+    ),
+    "oracle": Experiment(
+        "exp_oracle: 35 tasks, level 1",
+        "all 35 tasks at level 1",
+        (
+            PaperRow("OpenVLA-OFT", 9.06, 24.06),
+            PaperRow("OpenVLA-OFT, told the target's future", 10.33, 32.00),
+        ),
+    ),
+    "ablation": Experiment(
+        "ablation_unified: 35 tasks, level 1",
+        "all 35 tasks at level 1",
+        (
+            PaperRow("baseline", 10.86, 30.49),
+            PaperRow("+ flow", 11.71, 31.02),
+            PaperRow("+ flow, N = 2", 14.80, 32.74),
+            PaperRow("+ frames, N = 2", 8.15, 28.62),
+            PaperRow("+ flow, N = 4", 17.20, 34.97),
+        ),
+    ),
+    "history-length": Experiment(
+        "history_length: 35 tasks, level 1",
+        "all 35 tasks at level 1",
+        (PaperRow("h = 1", 13.00, 30.97), PaperRow("h = 4", 17.20, 34.97)),
+    ),
+    "horizon": Experiment(
+        "horizon_ext: 35 tasks, level 1",
+        "all 35 tasks at level 1",
+        (
+            PaperRow("no prediction", 10.86, 30.49),
+            PaperRow("N = 2", 14.80, 32.74),
+            PaperRow("N = 4", 17.20, 34.97),
+            PaperRow("N = 6", 13.62, 32.99),
+        ),
     ),
     "double": Experiment(
         "data_scale: ten tasks, level 1",

@@ -90,6 +90,31 @@ def test_a_cache_is_found_again_and_another_size_is_another_one(dataset: Path, c
     assert open_cache(config.data.sources[0], other, told.append).path != first.path and len(told) == 1
 
 
+def test_tasks_are_drawn_equally_where_they_are_balanced(tmp_path: Path):
+    paths = [episode_path(tmp_path, task=task) for task in ("click_bell", "shake_bottle")]
+    for path, frames in zip(paths, (6, 24), strict=True):
+        task = path.relative_to(tmp_path / "episodes").parts[0]
+        make_episode(path, task=task, frames=frames, cameras=("head_camera",))
+    export(tmp_path, paths)
+    config = config_of(tmp_path, tmp_path / "cache", history="none", world="none")
+    config = changed(config, "data", validation=0.0, cameras=("head_camera",), balance="tasks")
+    corpus = open_corpus(config)
+    assert [len(part) for part in corpus.train] == [6, 24] and corpus.weights == [0.5, 0.5]
+    corpus = open_corpus(changed(config, "data", balance="frames"))
+    assert [len(part) for part in corpus.train] == [30] and corpus.weights == [1.0]
+
+
+def test_grippers_can_be_binary(dataset: Path, cache: Path):
+    config = changed(config_of(dataset, cache), "data", validation=0.0, grippers="binary")
+    corpus = open_corpus(config)
+    batch = batch_of(corpus.train[0], np.arange(14), config, corpus.preprocessing)
+    actions = corpus.preprocessing.action.backward(batch["action"])[:, 0]
+    recorded = corpus.train[0].cache.arrays["action"][:14]
+    grippers = [name.endswith("gripper") for name in corpus.preprocessing.names]
+    np.testing.assert_allclose(actions[:, grippers], recorded[:, grippers] > 0.5, atol=1e-6)
+    np.testing.assert_allclose(actions[:, ~np.array(grippers)], recorded[:, ~np.array(grippers)], atol=1e-5)
+
+
 def test_chunks_and_history_end_at_the_episode(dataset: Path, cache: Path):
     config = config_of(dataset, cache)
     corpus = open_corpus(changed(config, "data", validation=0.0))
@@ -306,3 +331,10 @@ def test_a_policy_is_made_for_the_setup_of_its_data(tmp_path):
     (tmp_path / SETUP_FILE).write_text(yaml.safe_dump(found))
     again = Given(like=tmp_path, values={"tasks": ["click_bell"], "fps": 15}).recipe(levels=[1])
     assert (again.fps, again.levels, again.setup.given()) == (15, (1,), {k: v for k, v in found.items() if k != "fps"})
+
+
+def test_an_oracle_is_replayed_on_the_recorded_future(dataset: Path, cache: Path, tmp_path: Path):
+    config = config_of(dataset, cache, oracle=True)
+    train(changed(config, "data", validation=0.0), tmp_path / "run", steps=1, quiet=True)
+    found = replay_check(tmp_path / "run", None, 2)
+    assert found["answers"] > 0 and found["different"] == 0

@@ -12,6 +12,7 @@ from training.puma.config import Config, Lora
 from training.puma.errors import TrainError
 from training.puma.model.heads import EVERY, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
+from training.puma.model.oracle import oracle_numbers, oracle_size
 from training.puma.model.puma import Puma, Sizes, Targets, build_model
 from training.puma.model.text import PADDING, HashedWords
 from training.puma.model.vision import patches_of
@@ -37,7 +38,7 @@ def inputs(batch: int = 2, seed: int = 0, words: int = 60) -> Inputs:
         state=torch.randn(batch, 14, generator=g),
         clock=torch.rand(batch, 1, generator=g),
         past_time=-torch.rand(batch, 2, generator=g),
-        oracle=torch.randn(batch, 2, 3, generator=g),
+        oracle=torch.randn(batch, oracle_size(6), generator=g),
     )
 
 
@@ -77,7 +78,10 @@ def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
         ids += [92, *[90] * (rows * columns // 4), 93]
         pixels.append(patches_of(image, 16, 2, 2)[0])
         grids.append([1, rows, columns])
-    ids += [*text.tolist(), *range(96, 96 + len(queries)), 95]
+    first = len(queries) - network.config.model.chunk
+    asked = [range(96, 96 + first), range(96 + first, 96 + len(queries))]
+    spoken = backbone.world.tolist(), backbone.action.tolist()
+    ids += [*text.tolist(), *spoken[0], *asked[0], *spoken[1], *asked[1], *backbone.after.tolist()]
     tokens = torch.tensor([ids])
     with torch.no_grad():
         hidden = whole.model(
@@ -87,7 +91,7 @@ def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
             image_grid_thw=torch.tensor(grids),
             mm_token_type_ids=(tokens == 90).int(),
         ).last_hidden_state
-    return hidden[0, -1 - len(queries) : -1]
+    return hidden[0, [i for i, number in enumerate(ids) if number >= 96]]
 
 
 @pytest.mark.parametrize("lora", [None, Lora(rank=2)], ids=["whole", "lora"])
@@ -102,9 +106,12 @@ def test_weights_that_are_trained_are_float32_whatever_the_arithmetic(tmp_path: 
     assert {buffer.dtype for buffer in acting.buffers() if buffer.is_floating_point()} == {torch.float32}
 
 
-def test_hidden_states_are_those_of_transformers(tmp_path: Path):
+@pytest.mark.parametrize("sentences", [False, True])
+def test_hidden_states_are_those_of_transformers(tmp_path: Path, sentences: bool):
     torch.manual_seed(1)
-    network = build_model(qwen_config(tmp_path, state=False), SIZES).eval()
+    config = qwen_config(tmp_path, state=False, sentences=sentences)
+    network = build_model(config, SIZES).eval()
+    assert bool(len(network.backbone.world)) == sentences
     # as large as other embeddings, so that a query in the wrong place shows
     network.queries.data.normal_()
     given = inputs()
@@ -187,6 +194,8 @@ def test_losses_by_hand():
     found, wanted = torch.tensor([[[1.0, 2.0], [5.0, 5.0]]]), torch.tensor([[[0.0, 4.0], [5.0, 0.0]]])
     assert float(action_loss(found, wanted, torch.tensor([[True, True]]))) == pytest.approx((3 + 5) / 2)
     assert float(action_loss(found, wanted, torch.tensor([[True, False]]))) == pytest.approx(3)
+    mean = action_loss(found, wanted, torch.tensor([[True, True]]), "mean")
+    assert float(mean) == pytest.approx((3 + 5) / 4)
     assert float(box_loss(found, wanted, torch.tensor([[False, True]]))) == pytest.approx(5)
     one, other = torch.tensor([[[3.0, 0.0]]]), torch.tensor([[[1.0, 1.0]]])
     assert float(feature_loss(one, other, torch.tensor([[True]]))) == pytest.approx(1 - 0.5**0.5)
@@ -265,3 +274,13 @@ def test_hashed_words_are_the_same_everywhere():
     assert ids.shape == (2, 16) and (ids[0, 3:] == PADDING).all()
     # crc32 of "the" is 0x3c456de6
     assert ids[1, 0] == ids[0, 1] == 10 + 0x3C456DE6 % 54
+
+
+def test_the_future_is_poses_and_velocities():
+    poses = np.zeros((1, 5, 7), np.float32)
+    poses[0, :, 0] = [0.0, 0.1, 0.3, 0.6, 1.0]
+    poses[0, :, 3] = 1
+    numbers = oracle_numbers(poses, fps=10)
+    assert numbers.shape == (1, oracle_size(4))
+    np.testing.assert_array_equal(numbers[0, :28].reshape(4, 7), poses[0, 1:])
+    np.testing.assert_allclose(numbers[0, 28:], [0, 0, 0, 1, 0, 0, 1, 0, 0, 4, 0, 0], atol=1e-6)

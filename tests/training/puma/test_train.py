@@ -126,7 +126,7 @@ def test_validation_is_the_open_loop_error(run: Path, dataset: Path, cache: Path
     held = checkpoint.load(run)
     network = held.model()
     corpus = open_corpus(held.config)
-    corpus = Corpus(held.config, corpus.train, [Part.of(corpus.train[0].cache, [1])], held.preprocessing)
+    corpus = Corpus(held.config, corpus.train, [Part.of(corpus.train[0].cache, [1])], held.preprocessing, [1.0])
     found = open_loop(network, corpus, "cpu")
     arrays = batch_of(corpus.validation[0], np.arange(9), held.config, held.preprocessing)
     with torch.inference_mode():
@@ -164,10 +164,18 @@ def test_learning_rates(dataset: Path, cache: Path):
     assert [round(rate_at(step, settings), 4) for step in (0, 4, 9, 10, 60, 110, 500)] == [0.1, 0.5, 1, 1, 0.55, 0.1, 0.1]
     config = config_of(dataset, cache)
     network = build_model(config, Sizes(14, 32))
-    found = groups(network, config.train.model_copy(update={"backbone_rate": 1e-5, "head_rate": 1e-4, "weight_decay": 0.1}))
-    assert [group["lr"] for group in found] == [1e-5, 1e-5, 1e-4, 1e-4]
-    assert any(network.queries is weight for weight in found[3]["params"]) and found[3]["weight_decay"] == 0
-    assert sum(len(group["params"]) for group in found) == len(list(network.parameters()))
+    rates = {"backbone_rate": 1e-5, "head_rate": 1e-4, "weight_decay": 0.1}
+    for world in (None, 3e-5):
+        found = groups(network, config.train.model_copy(update=rates | {"world_rate": world}))
+        rate = {id(weight): group["lr"] for group in found for weight in group["params"]}
+        decay = {id(weight): group["weight_decay"] for group in found for weight in group["params"]}
+        assert len(rate) == len(list(network.parameters()))
+        for name, weight in network.named_parameters():
+            expected = 1e-5 if name.startswith("backbone.") else 1e-4
+            if name.startswith(("queries", "world_head.")):
+                expected = world or 1e-4
+            assert rate[id(weight)] == expected
+            assert decay[id(weight)] == (0.1 if weight.ndim > 1 and name != "queries" else 0)
 
 
 def test_one_batch_is_learned_by_heart(dataset: Path, cache: Path):

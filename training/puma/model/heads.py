@@ -1,5 +1,7 @@
 """What is read from the queries: joint targets, and the target's later features or boxes."""
 
+from typing import Literal
+
 import torch
 from torch import Tensor, nn
 
@@ -32,16 +34,23 @@ class WorldHead(nn.Sequential):
         super().__init__(nn.Linear(hidden, hidden), nn.GELU(), nn.Linear(hidden, numbers))
 
 
-def action_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
-    """L1 summed over joints, averaged over the steps (B,K) that exist; chunks are (B,K,A). Zero where none does."""
-    return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
+Over = Literal["sum", "mean"]
+"""How the errors of the joints become one number."""
 
 
-def mode_loss(found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """As `action_loss`, of the best of several chunks (B,M,K,A), and how badly scores (B,M) foretell which one that is.
+def action_loss(found: Tensor, wanted: Tensor, valid: Tensor, over: Over = "sum") -> Tensor:
+    """L1 over the joints, averaged over the steps (B,K) that exist; chunks are (B,K,A). Zero where
+    none does."""
+    return _mean(_distance(found, wanted, over), valid)
 
-    All chunks learn a little from every sample: one that is never the best would stay where it began."""
-    error = torch.where(valid[:, None], (found.float() - wanted[:, None].float()).abs().sum(-1), 0).sum(-1)
+
+def mode_loss(found: Tensor, scores: Tensor, wanted: Tensor, valid: Tensor, over: Over = "sum") -> tuple[Tensor, Tensor]:
+    """As `action_loss`, of the best of several chunks (B,M,K,A), and how badly scores (B,M)
+    foretell which one that is.
+
+    All chunks learn a little from every sample: one that is never the best would stay where it
+    began."""
+    error = torch.where(valid[:, None], _distance(found, wanted[:, None], over), 0).sum(-1)
     best = error.argmin(1)
     least, exist = error.gather(1, best[:, None])[:, 0], valid.any(1)
     action = ((1 - EVERY) * least + EVERY * error.mean(1)).sum() / valid.sum().clamp(min=1)
@@ -56,6 +65,11 @@ def feature_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
 def box_loss(found: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
     """L1 summed over the corners (B,N,4), fractions of the image, averaged over the moments at which the target is seen."""
     return _mean((found.float() - wanted.float()).abs().sum(-1), valid)
+
+
+def _distance(found: Tensor, wanted: Tensor, over: Over) -> Tensor:
+    errors = (found.float() - wanted.float()).abs()
+    return errors.sum(-1) if over == "sum" else errors.mean(-1)
 
 
 def _mean(values: Tensor, valid: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ class Inputs:
     """B samples. `views` (B,V,h,w,3) and `past` (B,h,fh,fw,3) are uint8, `text` (B,L) token ids, padded at its end with -1.
 
     `state` (B,A) normalised, `clock` (B,1) s, `past_time` (B,h) s, `aims` (B,F), `choice` (B,), which arms act, and
-    `oracle` (B,N,3) m are there where the model takes them, `views` where the backbone looks at images.
+    `oracle` (B,F) are there where the model takes them, `views` where the backbone looks at images.
     """
 
     text: Tensor

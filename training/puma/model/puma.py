@@ -11,6 +11,7 @@ from training.puma.config import Config
 from training.puma.model.finder import FinderNet
 from training.puma.model.heads import ActionHead, WorldHead, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
+from training.puma.model.oracle import Oracle, oracle_size
 from training.puma.model.perceptron import PerceptronBackbone
 from training.puma.model.text import HashedWords, Words
 from training.puma.model.tiny import TinyBackbone
@@ -103,6 +104,7 @@ class Puma(nn.Module):
         self.action_head = ActionHead(width, model.modes * sizes.joints)
         self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
+        self.oracle = Oracle(width, oracle_size(model.chunk)) if model.oracle else None
         self.finder = None if model.track is None else FinderNet(model.track).requires_grad_(False)
         self.aim_scale = None if model.track is None else Standard(aim_numbers(model.track.points))
         self.chooser = Chooser(track_numbers(model.track.points)) if model.track is not None and model.arms else None
@@ -120,6 +122,8 @@ class Puma(nn.Module):
         device = hidden.device.type
         with torch.autocast(device, enabled=False):
             before, last = hidden[:, : -self.config.model.chunk], hidden[:, -self.config.model.chunk :]
+            if self.oracle is not None and inputs.oracle is not None:
+                last = self.oracle(last, inputs.oracle)
             world, actions = None if self.world_head is None else self.world_head(before), self.action_head(last)
             choice = None if self.chooser is None else self.chooser(given["aims"])
             if self.mode_head is None:
@@ -135,11 +139,12 @@ class Puma(nn.Module):
 
     def losses(self, outputs: Outputs, targets: Targets) -> dict[str, Tensor]:
         """`action`, `mode` where several chunks are predicted, `world` where it is, and their weighted sum `loss`."""
+        over = self.config.train.action_loss
         if outputs.chunks is None or outputs.scores is None:
-            found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid)}
+            found = {"action": action_loss(outputs.actions, targets.action, targets.action_valid, over)}
             found["loss"] = found["action"]
         else:
-            action, mode = mode_loss(outputs.chunks, outputs.scores, targets.action, targets.action_valid)
+            action, mode = mode_loss(outputs.chunks, outputs.scores, targets.action, targets.action_valid, over)
             found = {"action": action, "mode": mode, "loss": action + mode}
         if outputs.world is not None and targets.world is not None and targets.world_valid is not None:
             measure = box_loss if self.config.model.world == "boxes" else feature_loss
@@ -159,7 +164,6 @@ def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
         "state": sizes.joints if model.state else 0,
         "clock": 1 if model.clock else 0,
         "aims": aim_numbers(model.track.points) if model.track else 0,
-        "oracle": 3 * model.world_queries if model.oracle else 0,
         "choice": len(CHOICES) if model.arms else 0,
     }
     return {name: n for name, n in wanted.items() if n}

@@ -6,6 +6,7 @@ position, so every other token has a fixed place.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +18,35 @@ from pipeline.data.parsing import read_json
 from training.puma.config import Backbone, Config
 from training.puma.errors import TrainError
 from training.puma.model.inputs import Inputs
-from training.puma.model.text import HashedWords, TokenizedWords, Words
+from training.puma.model.text import PADDING, HashedWords, TokenizedWords, Words
 from training.puma.model.vision import Vision
 
 UNIT = 32
 """Sides of images are multiples of this: patch size times merge size."""
 
 
+@dataclass(frozen=True)
+class Marks:
+    """Token ids of all words but the instruction: before the images, before the queries of the
+    world, between those and the queries of the actions, and after the queries."""
+
+    before: Sequence[int]
+    after: Sequence[int]
+    world: Sequence[int] = ()
+    action: Sequence[int] = ()
+
+
 class QwenBackbone(nn.Module):
-    """See the module. `before` and `after` are token ids around the images and behind the queries."""
+    """See the module."""
 
     prefix: Tensor
     seen: Tensor
     places: Tensor
+    world: Tensor
+    action: Tensor
     after: Tensor
 
-    def __init__(self, model: Any, config: Config, before: Sequence[int], after: Sequence[int]) -> None:
+    def __init__(self, model: Any, config: Config, marks: Marks) -> None:
         super().__init__()
         text = model.config.text_config
         self.model, self.width = model, int(text.hidden_size)
@@ -42,11 +56,14 @@ class QwenBackbone(nn.Module):
         self.views = Vision(model.visual, config.data.image_size)
         images = [self.past.grid] * count if self.past is not None else []
         images += [self.views.grid] * len(config.data.cameras)
-        ids, seen, places = _prefix(list(before), images, model.config)
+        self.chunk = config.model.chunk
+        ids, seen, places = _prefix(list(marks.before), images, model.config)
         self.register_buffer("prefix", torch.tensor(ids), persistent=False)
         self.register_buffer("seen", torch.tensor(seen), persistent=False)
         self.register_buffer("places", torch.tensor(places).T.contiguous(), persistent=False)
-        self.register_buffer("after", torch.tensor(list(after)), persistent=False)
+        for name in ("world", "action", "after"):
+            words = torch.tensor(list(getattr(marks, name)), dtype=torch.long)
+            self.register_buffer(name, words, persistent=False)
 
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
         """Hidden states (B,Q,width), after the last norm, at queries (Q,width); `extras` (B,E,width) stand before them."""
@@ -56,8 +73,10 @@ class QwenBackbone(nn.Module):
         prefix = prefix.masked_scatter(self.seen[None, :, None], images.to(prefix.dtype))
         known = inputs.text >= 0
         text = embed(inputs.text.clamp(min=0))
-        tail = [extras.to(text.dtype), queries.to(text.dtype).expand(b, -1, -1), embed(self.after).expand(b, -1, -1)]
-        tokens = torch.cat([prefix, text, *tail], 1)
+        first, second = queries.to(text.dtype).tensor_split([len(queries) - self.chunk])
+        tail = [embed(self.world), first, embed(self.action), second, embed(self.after)]
+        tail = [part.expand(b, -1, -1) for part in tail]
+        tokens = torch.cat([prefix, text, extras.to(text.dtype), *tail], 1)
         ones = known.new_ones(b, tokens.shape[1] - prefix.shape[1] - text.shape[1])
         attended = torch.cat([known.new_ones(b, prefix.shape[1]), known, ones], 1)
         visual = torch.zeros_like(attended)
@@ -71,7 +90,9 @@ class QwenBackbone(nn.Module):
             use_cache=False,
         ).last_hidden_state
         end = hidden.shape[1] - len(self.after)
-        return hidden[:, end - len(queries) : end]
+        actions = hidden[:, end - self.chunk : end]
+        end -= self.chunk + len(self.action)
+        return torch.cat([hidden[:, end - len(first) : end], actions], 1)
 
     def _images(self, inputs: Inputs) -> tuple[Tensor, list[Tensor]]:
         """Tokens (B,V,width) of all images of a sample in their order, and those for the first layers."""
@@ -128,10 +149,30 @@ def build_qwen(config: Config, trained: bool) -> tuple[QwenBackbone, Words]:
     if tokenizer is None:
         # the last id of a config's vocabulary stands for all marks that a tokenizer would have
         mark = model.config.text_config.vocab_size - 1
-        return QwenBackbone(model, config, [mark], [mark]), HashedWords(mark)
-    before = tokenizer("<|im_start|>user\n", add_special_tokens=False)["input_ids"]
-    after = tokenizer("<|im_end|>\n<|im_start|>assistant\n", add_special_tokens=False)["input_ids"]
-    return QwenBackbone(model, config, before, after), TokenizedWords(tokenizer)
+        words = HashedWords(mark)
+        return QwenBackbone(model, config, _marks(config, words, [mark], [mark])), words
+    before, after = (
+        tokenizer(text, add_special_tokens=False)["input_ids"]
+        for text in ("<|im_start|>user\n", "<|im_end|>\n<|im_start|>assistant\n")
+    )
+    words = TokenizedWords(tokenizer)
+    return QwenBackbone(model, config, _marks(config, words, before, after)), words
+
+
+def _marks(config: Config, words: Words, before: Sequence[int], after: Sequence[int]) -> Marks:
+    """All words but the instruction, with the sentences of the published code where
+    `model.sentences` asks for them."""
+    model = config.model
+    if not model.sentences:
+        return Marks(before, after)
+
+    def ids(text: str) -> list[int]:
+        return [number for number in words.ids([text])[0].tolist() if number != PADDING]
+
+    stop = ids(".")
+    world = ids(" Predict future object states: ") if model.world != "none" else []
+    ask = ids(f" Predict the next {model.chunk} robot actions: ")
+    return Marks(before, [*stop, *after], world, [*(stop if world else []), *ask])
 
 
 def _weights(settings: Backbone, half: bool, random: bool) -> Any:

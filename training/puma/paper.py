@@ -1,0 +1,160 @@
+"""Experiments of the DOMINO paper as commands: data, networks and the rows printed beside theirs.
+
+Every step is a command of `domino-data` or `puma` that resumes, so an experiment that was stopped
+is resumed by the same words.
+"""
+
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from training.puma.errors import TrainError
+
+STILL, MOVING = "level = 0", "level > 0"
+
+
+@dataclass(frozen=True)
+class Network:
+    """A row: the configuration's name after `puma-4b` or `puma-tiny`, which episodes it learns from
+    (a part of the mixture each), and the network it begins with."""
+
+    label: str
+    config: str = ""
+    where: tuple[str, ...] = ("",)
+    start: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Recipe (manifests/paper/), networks, and the experiment of `domino-data paper-table`."""
+
+    manifest: str
+    networks: tuple[Network, ...]
+    table: str
+
+
+BASELINE, PUMA = Network("baseline", "-baseline"), Network("PUMA")
+BOTH = (STILL, MOVING)
+
+STUDIES = {
+    "main": Study("35-tasks", (BASELINE, PUMA), "main"),
+    "task-type": Study("35-tasks", (BASELINE, PUMA), "task-type"),
+    "strategies": Study(
+        "static-and-dynamic",
+        (Network("S", "-baseline", (STILL,)), Network("D", "-baseline", (MOVING,))),
+        "strategies",
+    ),
+    "mixture": Study(
+        "static-and-dynamic",
+        (
+            Network("baseline-D", "-baseline", (MOVING,)),
+            Network("baseline-S-D", "-baseline", BOTH),
+            Network("PUMA-D", "-n2", (MOVING,)),
+            Network("PUMA-S-D", "-n2", BOTH),
+        ),
+        "mixture",
+    ),
+    "oracle": Study("35-tasks", (BASELINE, Network("oracle", "-oracle")), "oracle"),
+    "ablation": Study(
+        "35-tasks",
+        (
+            BASELINE,
+            Network("flow", "-no-auxiliary"),
+            Network("flow-N2", "-n2"),
+            Network("frames-N2", "-raw-frames"),
+            Network("flow-N4"),
+        ),
+        "ablation",
+    ),
+    "history-aware": Study("10-tasks", (Network("ContextVLA", "-contextvla"), PUMA), "history-aware"),
+    "history-length": Study("35-tasks", (Network("h1", "-h1"), Network("h4")), "history-length"),
+    "horizon": Study(
+        "35-tasks",
+        (BASELINE, Network("N2", "-n2"), Network("N4"), Network("N6", "-n6")),
+        "horizon",
+    ),
+    "cross-level": Study(
+        "cross-level",
+        (
+            Network("level-2", where=("level = 2",)),
+            Network("level-3", where=("level = 3",)),
+            Network("level-1", where=("level = 1",)),
+            Network("LoRA-2", "-lora", ("level = 2",), "level-1"),
+            Network("LoRA-3", "-lora", ("level = 3",), "level-1"),
+        ),
+        "cross-level",
+    ),
+    "slow": Study("10-tasks", (PUMA,), "slow"),
+    "random-alpha": Study("10-tasks", (PUMA,), "random-alpha"),
+    "double": Study("double", (PUMA,), "double"),
+}
+"""All closed-loop experiments; latency is measured by `puma bench`."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large an experiment is run. `options` are those of `build`, `settings` those of `train`."""
+
+    base: str = "puma-4b"
+    options: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
+    masks: tuple[str, ...] = ("--stages", "flow,masks,features")
+    table: tuple[str, ...] = ()
+
+
+FULL = Size()
+TINY = Size(
+    "puma-tiny",
+    ("--tasks", "click_bell", "--episodes", "1", "--cameras", "head", "--segmentation"),
+    ("train.steps=1", "train.batch=2", "data.validation=0"),
+    ("--stages", "flow,masks", "--mask-source", "sim"),
+    ("--tasks", "click_bell", "--episodes", "1", "--cameras", "head", "--executor", "inline"),
+)
+"""One task, one episode a level, one step: whether every command of an experiment fits the next."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One step: a program and its words. `good` are its exit codes."""
+
+    program: str
+    words: tuple[str, ...]
+    good: tuple[int, ...] = (0,)
+
+    def __str__(self) -> str:
+        return shlex.join([self.program, *self.words])
+
+
+def study(name: str) -> Study:
+    """An experiment by name. Raises TrainError with the names there are."""
+    if name not in STUDIES:
+        raise TrainError(f"{name!r} is no experiment: choose {', '.join(STUDIES)}")
+    return STUDIES[name]
+
+
+def commands(name: str, out: Path, size: Size = FULL, settings: Sequence[str] = ()) -> Iterator[Command]:
+    """The commands of an experiment, in order, each to be run before the next one is taken.
+
+    Raises TrainError for an experiment that does not exist."""
+    from training.puma import checkpoint  # torch takes seconds to import
+
+    found, data = study(name), str(out / "data")
+    recipe = Path(__file__).parents[2] / "manifests" / "paper" / f"{found.manifest}.yaml"
+    build = ("build", "--manifest", str(recipe), "--out", data, *size.options)
+    yield Command("domino-data", build, (0, 3))
+    yield Command("domino-data", ("annotate", data, *size.masks))
+    yield Command("domino-data", ("export", data, "--format", "parquet"))
+    for network in found.networks:
+        run = str(out / network.label)
+        sources = ", ".join(f"{{dataset: {data}, where: '{where}'}}" for where in network.where)
+        keys = [f"data.sources=[{sources}]", f"data.cache={out / 'cache'}", *size.settings]
+        if network.start:
+            keys.append(f"train.start={out / network.start}")
+        words = [word for key in (*keys, *settings) for word in ("--set", key)]
+        yield Command("puma", ("train", "--config", size.base + network.config, "--out", run, *words))
+        policy = str(checkpoint.newest(out / network.label) / "policy.py")
+        # a policy that is told the future must be in the process of the simulation
+        where = ("--in-process",) if network.config == "-oracle" else ()
+        table = ("paper-table", found.table, "--policy", policy, *where)
+        yield Command("domino-data", (*table, "--out", str(out / f"table-{network.label}"), *size.table))
