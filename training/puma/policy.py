@@ -214,7 +214,7 @@ class OraclePolicy(PumaPolicy):
     """A policy that receives the target's future: an upper bound, evaluated as one that sees the
     truth."""
 
-    future: Callable[[Floats], Floats] | None = None
+    future: Callable[[Floats], NDArray[Any]] | None = None
     """World poses (T,7) of the target at times (T,), s."""
 
     def see(self, trial: Trial, case: Case) -> None:

@@ -134,8 +134,8 @@ def sizes_of(corpus: Corpus) -> Sizes:
 
 
 def groups(network: Puma, settings: Train) -> list[dict[str, Any]]:
-    """Weights of the backbone, of what is new, and of the world head and the queries, each with its
-    learning rate; biases, norms and queries do not decay."""
+    """Weights by learning rate: those of the backbone, of the heads, and of the world head with the
+    queries. Biases, norms and queries do not decay."""
     rates = {
         "backbone": settings.backbone_rate,
         "heads": settings.head_rate,
