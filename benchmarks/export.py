@@ -35,7 +35,7 @@ from pipeline.data.names import SIDES
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.formats.lerobot.format import CLOCK_FEATURES, data_columns, features_of, image_key
-from pipeline.export.shared.common import exported_cameras, read_facts, reading
+from pipeline.export.shared.episodes import exported_cameras, read_facts, reading
 from pipeline.export.shared.video import Codec, encode
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import pose

@@ -2,6 +2,7 @@
 
 from abc import ABCMeta
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 
 
 class UnknownName(KeyError):
@@ -23,16 +24,19 @@ def place_in(module: str | None, kind: type) -> None:
 class Registry[T](Mapping[str, T]):
     """A mapping from names to objects of one kind, in the order in which they were added; a name is given once.
 
-    `kind` says in errors what the objects are, e.g. "task".
+    `kind` says in errors what the objects are, e.g. "task". `modules` names, for objects that come first, the module that adds each
+    when it is imported: that happens when the object is asked for.
     """
 
-    def __init__(self, kind: str) -> None:
+    def __init__(self, kind: str, modules: Mapping[str, str] | None = None) -> None:
         self.kind = kind
         self._items: dict[str, T] = {}
+        self._modules = dict(modules or {})
 
     def add(self, name: str, item: T) -> T:
         """Enter an object under a name and return it. Raises ValueError for a name that is taken."""
-        if name in self._items:
+        place = getattr(item, "__module__", None)
+        if name in self._items or self._modules.get(name, place) != place:
             raise ValueError(f"{self.kind} {name!r} is registered twice: choose another name")
         self._items[name] = item
         return item
@@ -45,13 +49,18 @@ class Registry[T](Mapping[str, T]):
 
     def __getitem__(self, name: str) -> T:
         """The object of a name. Raises UnknownName."""
+        if name not in self._items and name in self._modules:
+            import_module(self._modules[name])
         try:
             return self._items[name]
         except KeyError:
-            raise UnknownName(f"no {self.kind} {name!r}: choose from {', '.join(self._items) or '(none)'}") from None
+            raise UnknownName(f"no {self.kind} {name!r}: choose from {', '.join(self) or '(none)'}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items or name in self._modules
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._items)
+        return iter({**self._modules, **self._items})
 
     def __len__(self) -> int:
-        return len(self._items)
+        return len({**self._modules, **self._items})

@@ -23,7 +23,7 @@ import yaml
 from benchmarks.chaos.compare import compare
 from benchmarks.chaos.exports import GIVEN
 from benchmarks.hardware import hardware
-from pipeline.export.shared.common import SUMMARY
+from pipeline.export.shared.record import SUMMARY
 from pipeline.world.drawing.vulkan import ensure_renderer
 from tests.run.command import inside
 from tests.run.damage import ANNOTATE, BUILD, EPISODE, EXPORT, LEDGER_FILE, USER, Kind

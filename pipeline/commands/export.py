@@ -1,15 +1,16 @@
 """export and publish: the episodes of a dataset in another format, whose own options are those of its dataclass."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from pipeline.commands.bounded import BoundedCommand
-from pipeline.commands.common import AsJson, Quiet, Root, UsageError, Workers, executor_of, print_result, split_list, warn_of_stale
+from pipeline.commands.common import AsJson, Quiet, Root, UsageError, Workers, executor_of, print_result, split_list
 from pipeline.data.dataset import Dataset
 from pipeline.data.licences import forbidden, licences_in
 
@@ -17,20 +18,22 @@ GIVEN = "given"
 FORMATS = "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds, dynamicwam, puma-gt"
 
 
-def format_flags() -> dict[str, dict[str, bool]]:
+def format_flags(formats: Iterable[str]) -> dict[str, dict[str, bool]]:
     """Option as it is typed -> format that has it -> whether it takes no value there."""
     from pipeline.export import EXPORTERS
     from pipeline.export.options import flag_name, is_flag
 
     flags: dict[str, dict[str, bool]] = {}
-    for format_, exporter in EXPORTERS.items():
-        for f in fields(exporter.options):
-            flags.setdefault(flag_name(f), {})[format_] = is_flag(f)
+    for name in formats:
+        for f in fields(EXPORTERS[name].options):
+            flags.setdefault(flag_name(f), {})[name] = is_flag(f)
     return flags
 
 
-def split_options(args: list[str], own: set[str], flags: Mapping[str, bool]) -> tuple[list[str], dict[str, str | bool]]:
-    """Arguments without the options of formats, and these by field name; `flags` is true for options that take no value.
+def split_options(
+    args: list[str], own: set[str], flags: Mapping[str, bool], format_: str = ""
+) -> tuple[list[str], dict[str, str | bool]]:
+    """Arguments without the options of the format, and these by field name; `flags` is true for options that take no value.
 
     Raises UsageError for an option that is neither in `own` nor in `flags`, and for one without its value.
     """
@@ -50,26 +53,39 @@ def split_options(args: list[str], own: set[str], flags: Mapping[str, bool]) -> 
             given[flag.removeprefix("--").replace("-", "_")] = True if flags[flag] else value
             continue
         if flag.startswith("--") and flag not in own:
-            raise UsageError(f"{flag} is not an option of export nor of any format: see domino-data export --help")
+            options = ", ".join(flags) or "none"
+            raise UsageError(f"{flag} is not an option of export nor of --format {format_}, which has: {options}")
         rest.append(word)
     return rest, given
 
 
+def named_format(args: Sequence[str]) -> str | None:
+    """The value of --format in a command line, if there is one."""
+    words = args[: args.index("--")] if "--" in args else args
+    for word, after in pairwise([*words, ""]):
+        name, sign, value = word.partition("=")
+        if name == "--format":
+            return value if sign else after
+    return None
+
+
 class ExportCommand(BoundedCommand):
-    """A command that takes the options of every format beside its own; whether they fit the format is for the verb to say."""
+    """A command that takes the options of a format beside its own; the module of no other format is imported."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the command line. Raises UsageError, in one line, for options that no format has."""
+        """Parse the command line. Raises UsageError, in one line, for options that the format does not have."""
         from pipeline.export import EXPORTERS
 
-        flags = format_flags()
-        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
-        rest, given = split_options(args, own, {flag: all(users.values()) for flag, users in flags.items()})
-        named = any(word.split("=")[0] in ("--format", "--help") for word in rest)
-        if not named and not ctx.resilient_parsing:  # words that the shell completes
+        name, helps = named_format(args), "--help" in args
+        if name is None and not helps and not ctx.resilient_parsing:  # words that the shell completes
             raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
+        # whether the format exists is for the verb to say
+        flags = format_flags([name] if name in EXPORTERS and not helps else EXPORTERS)
+        own = {option for parameter in self.get_params(ctx) for option in parameter.opts}
+        rest, given = split_options(args, own, {flag: all(users.values()) for flag, users in flags.items()}, name or "")
         ctx.meta[GIVEN] = given
-        self.epilog = _describe_options(flags)
+        if helps:
+            self.epilog = _describe_options(flags)
         return super().parse_args(ctx, rest)
 
 
@@ -110,7 +126,6 @@ def export(
         raise UsageError(f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by commas")
     request = Request(format_, ctx.meta[GIVEN], out, split, robots or (), where or "", ladder)
     made = run_export(source, request, executor_of("ray", workers)[1], not as_json and not quiet)
-    warn_of_stale(source, source.recipe())
     if made.warning:
         print(f"domino-data: warning: {made.warning}", file=sys.stderr)
     what = "failed attempts" if split == "failures" else "episodes"
@@ -130,7 +145,7 @@ def publish(
     from pipeline.export import EXPORTERS
     from pipeline.export.publish import prepare
     from pipeline.export.publish import publish as send
-    from pipeline.export.shared.common import read_summary
+    from pipeline.export.shared.record import read_summary
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:

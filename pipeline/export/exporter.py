@@ -1,28 +1,15 @@
-"""The contract of an export format: one class, its options, and the registry that `export` and `verify` look formats up in."""
+"""The contract of an export format: one class, its options, and the registry that `export` looks formats up in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.export.options import NoOptions
 from pipeline.export.shared.card import write_card
-from pipeline.export.shared.common import (
-    EPISODES,
-    SOURCES,
-    SUMMARY,
-    ExportError,
-    Progress,
-    read_summary,
-    reading,
-    sort_episodes,
-    stage_directory,
-    write_json,
-)
-from pipeline.export.shared.contents import contents_of
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft, stage_directory
+from pipeline.export.shared.episodes import EPISODES, Progress, reading, sort_episodes
 from pipeline.export.shared.sensors import sensors_of
 from pipeline.registry import Registry
 
@@ -57,7 +44,7 @@ class Job[O]:
 
 
 class Exporter[O](ABC):
-    """How a format is written and how an export is compared with its episodes.
+    """How a format is written.
 
     `name` is what `--format` calls it; `options` is a frozen dataclass of fields made by `option`.
     """
@@ -66,53 +53,9 @@ class Exporter[O](ABC):
     options: type[O]
 
     @abstractmethod
-    def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out` and return its summary. It appears by rename when everything is written, and an older export is
-        replaced only then (`draft`). Episodes are ordered by path. Raises ExportError in one line."""
-
-    def check(self, dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
-        """Compare an export with its episodes; returns the problems found, [] when all is well.
-
-        Raises ExportError for episode files that cannot be read.
-        """
-        try:
-            options = self.options_of(out)
-        except ExportError as error:
-            return [str(error)]
-        return self.compare(dataset, out, episodes, options)
-
-    @abstractmethod
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: O) -> list[str]:
-        """As `check`, with the options that the export was made with."""
-
-    @contextmanager
-    def draft(self, job: Job[O]) -> Iterator[Draft]:
-        """A temporary directory, and what the export at `job.out` lends it; it becomes `job.out` when the block ends well and
-        vanishes when it does not. Raises ExportError as `common.stage_directory`, and for an export of another format there."""
-        found: object = self.name
-        with suppress(ExportError):  # a damaged export is replaced
-            found = read_summary(job.out).get("format", self.name)
-        if found != self.name:
-            raise ExportError(f"{job.out}: holds an export in the format {str(found)[:40]}: remove it or name another directory")
-        with stage_directory(job.out, job.dataset) as folder:
-            options = asdict(job.options)  # pyright: ignore[reportArgumentType]
-            draft = Draft(folder, job.out, {"format": self.name, "options": options})
-            yield draft
-            draft.finish(job.dataset, job.episodes)
-
-    def summarize(self, folder: Path, job: Job[O], values: dict[str, Any]) -> dict[str, Any]:
-        """Write the card and export.json: format, options, `values`, bytes and names of all files. Returns the latter."""
-        options = asdict(job.options)  # pyright: ignore[reportArgumentType]
-        summary = {"format": self.name, "options": options, "split": job.split, **values}
-        if job.where:
-            summary["where"] = job.where
-        if left := self.left_out(job):
-            summary[LEFT_OUT] = left
-        write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
-        summary["bytes"] = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-        summary["contents"] = sorted({SOURCES, SUMMARY, *contents_of(folder)})
-        write_json(folder / SUMMARY, summary)
-        return summary
+    def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
+        """Write the episodes, in the order of their paths, to `draft.folder`; returns what the summary says of them, "episodes"
+        and "frames" for example. Raises ExportError, in one line, for episodes that the format cannot hold."""
 
     def sensors(self, options: O) -> Collection[str]:
         """Which sensors (`sensors.SENSORS`) the format writes with these options; the summary names those that it leaves out."""
@@ -123,20 +66,46 @@ class Exporter[O](ABC):
         it cannot read. `folder` holds all but the card."""
         return []
 
-    def left_out(self, job: Job[O]) -> list[str]:
+    def export(self, job: Job[O]) -> dict[str, Any]:
+        """Write `job.out` and return its summary. It appears by rename when everything is written, and an older export is
+        replaced only then. Raises ExportError as `write` and `stage_directory`, and for an export of another format there."""
+        options = asdict(job.options)  # pyright: ignore[reportArgumentType]
+        with stage_directory(job.out, job.dataset) as folder:
+            draft = ExportDraft(folder, job.out, job.dataset, self.name, options)
+            summary = {"format": self.name, "options": options, "split": job.split, **self.write(job, draft)}
+            for path in job.episodes:
+                draft.hash_of(path)
+            if job.where:
+                summary["where"] = job.where
+            if left := self._left_out(job):
+                summary[LEFT_OUT] = left
+            write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")
+            return draft.finish(summary)
+
+    def _left_out(self, job: Job[O]) -> list[str]:
         """Sensors that the first episode stores and the format does not write."""
         with reading(sort_episodes(job.episodes)[0]) as file:
             return [name for name in sensors_of(file, file.cameras) if name not in self.sensors(job.options)]
 
-    def options_of(self, out: Path) -> O:
-        """The options an export was made with. Raises ExportError if its export.json cannot be read."""
-        try:
-            return self.options(**read_summary(out)["options"])
-        except (KeyError, TypeError) as error:
-            raise ExportError(f"{out}: its {SUMMARY} is of another version; export again") from error
 
-
-EXPORTERS = Registry[Exporter[Any]]("format")
+_HERE = "pipeline.export"
+EXPORTERS = Registry[Exporter[Any]](
+    "format",
+    {
+        "lerobot": f"{_HERE}.formats.lerobot.version30",
+        "lerobot-v2.1": f"{_HERE}.formats.lerobot.version21",
+        "aloha": f"{_HERE}.formats.aloha",
+        "parquet": f"{_HERE}.formats.parquet",
+        "rlds": f"{_HERE}.formats.rlds",
+        "zarr": f"{_HERE}.formats.zarr",
+        "robomimic": f"{_HERE}.formats.robomimic",
+        "robotwin": f"{_HERE}.bridges.robotwin",
+        "xpolicylab": f"{_HERE}.bridges.xpolicylab",
+        "dynamicwam": f"{_HERE}.bridges.dynamicwam",
+        "puma-gt": f"{_HERE}.bridges.puma_gt",
+    },
+)
+"""Formats by name. A module of ours is imported, and registers its class, when its format is asked for."""
 
 
 def register[E: Exporter[Any]](kind: type[E]) -> type[E]:

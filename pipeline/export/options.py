@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.data import parsing
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import LARGEST_NUMBER, ParseError, pixels, show_value
-from pipeline.export.shared.common import ExportError
+from pipeline.export.shared.episodes import ExportError
 
 
 @dataclass(frozen=True)

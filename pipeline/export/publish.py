@@ -4,7 +4,6 @@ Limits are those that the hub states for repositories and for its viewer. The up
 only what is not there yet. Tokens are those of `hf auth login`; none is ever printed.
 """
 
-import glob
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -14,9 +13,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.data.atomic import write_atomic
 from pipeline.export.shared.card import CARD, read_card
-from pipeline.export.shared.common import ExportError, read_summary, unlisted_files
+from pipeline.export.shared.episodes import ExportError
+from pipeline.export.shared.record import SUMMARY, read_record
 
 FILES = 100_000
 FILES_OF_A_FOLDER = 10_000
@@ -75,24 +74,26 @@ class Shipment:
 
 
 def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
-    """What publishing an export would send. Raises ExportError if there is no export or the name is none."""
+    """What publishing an export would send: the files that it wrote, each as it was written (but the card, which may be edited).
+
+    Raises ExportError if there is no export, one of its files is not what was written, or the name is none."""
     from huggingface_hub.errors import HFValidationError
     from huggingface_hub.utils import validate_repo_id
 
-    summary = read_summary(folder)
+    record = read_record(folder)
     try:
         validate_repo_id(repo_id)
     except HFValidationError as error:
         raise ExportError(f"--repo-id: {' '.join(str(error).split())}") from error
-    unlisted = {path.relative_to(folder).as_posix() for path in unlisted_files(folder)}
-    paths = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.relative_to(folder).parts[0] != UPLOAD_CACHE]
-    sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in paths}
-    files = {name: size for name, size in sizes.items() if name not in unlisted}
-    stays = tuple(name for name in sizes if name in unlisted)
-    name = str(summary["format"])
+    for name in sorted(record.contents):
+        if problem := record.problem(name):
+            raise ExportError(f"{folder / name}: {problem}: export again before publishing")
+    files = {name: (folder / name).stat().st_size for name in sorted({*record.contents, SUMMARY})}
+    stays = tuple(name for name in record.unlisted() if not name.startswith(f"{UPLOAD_CACHE}/"))
+    kind = str(record.summary["format"])
     # several robots or --per-task: LeRobot datasets in directories, which no revision of the repository names
-    tag = TAGS.get(name) if "meta/info.json" in files else None
-    return Shipment(folder, repo_id, private, name, tag, files, tuple(_problems(folder, files)), stays)
+    tag = TAGS.get(kind) if "meta/info.json" in files else None
+    return Shipment(folder, repo_id, private, kind, tag, files, tuple(_problems(folder, files)), stays)
 
 
 def _problems(folder: Path, files: dict[str, int]) -> list[str]:
@@ -133,19 +134,22 @@ def with_badge(text: str, repo_id: str) -> str:
 def publish(shipment: Shipment, api: Any) -> str:
     """Create the repository, send the files, set the tag; returns the address. `api` is a huggingface_hub.HfApi with a token.
 
-    Raises ExportError if the hub would not take the files, refuses, or cannot be reached.
+    The card of a tagged dataset gets the badge of the visualizer on its way. Raises ExportError if the hub would not take them,
+    refuses, or cannot be reached.
     """
+    from huggingface_hub import CommitOperationAdd
     from huggingface_hub.errors import HfHubHTTPError
 
     if shipment.problems:
         raise ExportError(f"{shipment.folder}: {shipment.problems[0]}")
+    contents: dict[str, Any] = {name: str(shipment.folder / name) for name in shipment.files}
+    if shipment.tag is not None:
+        begin, end, text = (shipment.folder / CARD).read_text().partition("\n---\n")
+        contents[CARD] = f"{begin}{end}\n{with_badge(text.lstrip(), shipment.repo_id)}".encode()
     try:
-        if shipment.tag is not None:
-            _add_badge(shipment.folder / CARD, shipment.repo_id)
         url = api.create_repo(shipment.repo_id, repo_type="dataset", private=shipment.private, exist_ok=True)
-        what: dict[str, Any] = {"repo_id": shipment.repo_id, "folder_path": shipment.folder, "repo_type": "dataset"}
-        ignored = [f"{UPLOAD_CACHE}/**", *map(glob.escape, shipment.unlisted)]
-        api.upload_folder(**what, ignore_patterns=ignored, commit_message=MESSAGE)
+        files = [CommitOperationAdd(name, content) for name, content in contents.items()]
+        api.create_commit(shipment.repo_id, files, commit_message=MESSAGE, repo_type="dataset")
         if shipment.tag is not None:
             api.create_tag(shipment.repo_id, tag=shipment.tag, repo_type="dataset", exist_ok=True)
     except (HfHubHTTPError, OSError) as error:
@@ -154,8 +158,3 @@ def publish(shipment: Shipment, api: Any) -> str:
         said = said.replace(token, "***") if isinstance(token, str) else said
         raise ExportError(f"{shipment.repo_id}: the hub refused: {said}") from error
     return str(url)
-
-
-def _add_badge(card: Path, repo_id: str) -> None:
-    begin, end, text = card.read_text().partition("\n---\n")
-    write_atomic(card, f"{begin}{end}\n{with_badge(text.lstrip(), repo_id)}".encode())

@@ -13,7 +13,7 @@ from pipeline.data.store.mirror import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name
-from pipeline.export.shared.common import EPISODES, FAILURES
+from pipeline.export.shared.episodes import EPISODES, FAILURES
 from pipeline.export.shared.selection import expression, select_episodes
 from pipeline.report.card import describe
 

@@ -23,8 +23,3 @@ def run(
     exporter = EXPORTERS[format]
     given = exporter.options(**(REQUIRED.get(format, {}) | options))
     return exporter.export(Job(dataset, out, episodes, given, progress, workers))
-
-
-def check_exports(dataset: Path, out: Path, format: str, episodes: Sequence[Path]) -> list[str]:
-    """The problems of an export, [] when all is well."""
-    return EXPORTERS[format].check(dataset, out, episodes)

@@ -81,5 +81,5 @@ def test_the_command_line_is_split_into_its_own_options_and_those_of_formats():
     assert split_options(["--jpeg-order=rgb"], set(), flags) == ([], {"jpeg_order": "rgb"})
     with pytest.raises(UsageError, match="--jpeg-order needs a value"):
         split_options(["OUT", "--jpeg-order"], set(), flags)
-    with pytest.raises(UsageError, match="--paddle is not an option of export nor of any format"):
-        split_options(["OUT", "--paddle"], set(), flags)
+    with pytest.raises(UsageError, match="--paddle is not an option of export nor of --format aloha, which has: --jpeg"):
+        split_options(["OUT", "--paddle"], set(), flags, "aloha")

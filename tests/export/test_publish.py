@@ -9,6 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from huggingface_hub import HfApi
 
+from pipeline.data.keys import file_hash
+from pipeline.data.sealed import seal
 from pipeline.export import ExportError
 from pipeline.export.publish import VISUALIZER, prepare, publish, with_badge
 from pipeline.export.shared.card import read_card
@@ -67,29 +69,36 @@ def test_a_refusal_is_one_line_without_the_token_and_the_next_try_goes_on(hub, e
 
 def test_lerobot_gets_its_tag_and_a_badge_with_its_name(hub, export):
     summary = json.loads((export / "export.json").read_text())
-    (export / "export.json").write_text(json.dumps(summary | {"format": "lerobot"}))
+    (export / "export.json").write_bytes(seal(summary | {"format": "lerobot"}))
     (export / "meta").mkdir()
     (export / "meta/info.json").write_text("{}")
     # datasets of several robots lie in directories, and a meta/info.json that is no part of the export is nobody's
     assert prepare(export, "me/set", private=False).tag is None
-    contents = [*summary["contents"], "meta/info.json"]
-    (export / "export.json").write_text(json.dumps(summary | {"format": "lerobot", "contents": contents}))
+    written = {"meta/info.json": {"sha256": file_hash(export / "meta/info.json"), "bytes": 2}}
+    (export / "export.json").write_bytes(seal(summary | {"format": "lerobot", "contents": summary["contents"] | written}))
     publish(prepare(export, "me/set", private=False), HfApi(endpoint=hub.address, token=TOKEN))
     assert hub.tags == ["v3.0"]
-    front, text = read_card(export / "README.md")
-    assert f"{VISUALIZER}me/set" in text and front["configs"] and hub.files["README.md"] == (export / "README.md").read_bytes()
+    before, text = read_card(export / "README.md")
+    assert VISUALIZER not in text
+    (export / "sent.md").write_bytes(hub.files["README.md"])
+    front, text = read_card(export / "sent.md")
+    assert f"{VISUALIZER}me/set" in text and front == before and front["configs"]
     assert with_badge(text, "other/name").count(VISUALIZER) == 1 and "other/name" in with_badge(text, "other/name")
 
 
 def test_what_the_hub_would_not_take_is_said_before_anything_is_sent(hub, export, monkeypatch):
-    (export / "README.md").unlink()
+    (export / "README.md").write_text("no front matter")
     monkeypatch.setattr("pipeline.export.publish.FILES_OF_A_FOLDER", 2)
     monkeypatch.setattr("pipeline.export.publish.GROUP_BYTES", 90_000)
-    pq.write_table(pa.table({"x": [b"\0" * 1000] * 100}), export / "data-00001.parquet", compression="zstd", use_dictionary=False)
+    data = export / "data-00000.parquet"
+    pq.write_table(pa.table({"x": [b"\0" * 1000] * 100}), data, compression="zstd", use_dictionary=False)
+    summary = json.loads((export / "export.json").read_text())
+    summary["contents"][data.name]["sha256"] = file_hash(data)
+    (export / "export.json").write_bytes(seal(summary))
     shipment = prepare(export, "me/set", private=False)
     said = shipment.describe()
-    assert "./ has 5 files, 2 are allowed" in said and "no card can be read" in said
-    assert "data-00001.parquet has a row group of" in said
+    assert "./ has 4 files, 2 are allowed" in said and "no card can be read" in said
+    assert "data-00000.parquet has a row group of" in said
     with pytest.raises(ExportError, match="are allowed"):
         publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
     assert hub.log == []
@@ -101,3 +110,27 @@ def test_the_words_of_a_shipment(export):
     for name in ("a//b", "a b", "x" * 200):
         with pytest.raises(ExportError, match="--repo-id"):
             prepare(export, name, private=False)
+
+
+@pytest.mark.parametrize("name", ["episodes.parquet", "README.md", "export.json"])
+def test_a_link_in_an_export_is_never_followed(hub, export, tmp_path, name):
+    secret = tmp_path / "secret"
+    secret.write_bytes((export / name).read_bytes())  # the very bytes that are recorded
+    (export / name).unlink()
+    (export / name).symlink_to(secret)
+    with pytest.raises(ExportError, match=f"{name}.*link"):
+        prepare(export, "me/set", private=False)
+
+
+def test_links_and_changed_files_beside_and_in_an_export_are_not_sent(hub, export, tmp_path):
+    (tmp_path / "keys").mkdir()
+    (tmp_path / "keys" / "id").write_text("secret")
+    (export / "croissant.json").symlink_to(tmp_path / "keys" / "id")
+    (export / "more").symlink_to(tmp_path / "keys")
+    shipment = prepare(export, "me/set", private=False)
+    assert set(shipment.unlisted) == {"croissant.json", "more"}
+    publish(shipment, HfApi(endpoint=hub.address, token=TOKEN))
+    assert set(hub.files) == set(shipment.files) and not any(b"secret" in data for data in hub.files.values())
+    (export / "episodes.parquet").write_bytes(b"x")
+    with pytest.raises(ExportError, match=r"episodes\.parquet: is not what was written: export again"):
+        prepare(export, "me/set", private=False)

@@ -240,6 +240,11 @@ def export(format: str, file: str, what: str, damage: Callable[[Path], object]) 
     return Kind(f"exports/{format}/{file}", what, damage, f"export {format}", EXPORT)
 
 
+def foreign(format: str, file: str, damage: Callable[[Path], object]) -> Kind:
+    """A file in an export that it did not write."""
+    return Kind(f"exports/{format}/{file}", "of no episode", damage, "strays", USER)
+
+
 CONFIGURATION = "click_bell/aloha-agilex_L1_clean"
 V3_DATA, V3_VIDEO = "data/chunk-000/file-000.parquet", "videos/observation.images.cam_high/chunk-000/file-000.mp4"
 V21_DATA, V21_VIDEO = "data/chunk-000/episode_000000.parquet", "videos/chunk-000/observation.images.cam_high/episode_000000.mp4"
@@ -254,26 +259,20 @@ EXPORTS = (
         for format in ("parquet", "aloha", "robotwin", "lerobot", "lerobot-v2.1")
         for what, damage in (("no JSON", text("{")), ("another format", entry(format="gif")))
     ),
-    *(
-        export(format, "sources.json", what, damage)
-        for format in ("parquet", "aloha", "robotwin", "lerobot", "lerobot-v2.1")
-        for what, damage in (("missing", gone), ("no JSON", text("{")))
-    ),
-    export("parquet", "export.json", "another count", entry(frames=9)),
     export("parquet", "episodes.parquet", "another key of the physics", column("physics_key", "0" * 32)),
     export("parquet", "data-00000.parquet", "a byte inverted in the middle", flip(0.5)),
-    export("parquet", "data-00009.parquet", "of no episode", copied("9.parquet", "0.parquet")),
+    foreign("parquet", "data-00009.parquet", copied("9.parquet", "0.parquet")),
     export("aloha", "episode_0.hdf5", "sim is false", attribute("sim", False)),
     export("aloha", "episode_0.hdf5", "events of another time", attribute("events", "[]")),
     export("aloha", "episodes.parquet", "another source", column("source", "x")),
-    export("robotwin", f"{CONFIGURATION}/data/episode9.hdf5", "of no episode", copied("9.hdf5", "0.hdf5")),
+    foreign("robotwin", f"{CONFIGURATION}/data/episode9.hdf5", copied("9.hdf5", "0.hdf5")),
     export("robotwin", f"{CONFIGURATION}/episodes.parquet", "another instruction", column("instruction", "go")),
     export("lerobot", "meta/stats.json", "a mean of 99", inner("action", mean=[99.0])),
     export("lerobot", V3_VIDEO, "4 bytes inverted in the middle", flip(0.5, 4)),
-    export("lerobot", V3_VIDEO.replace("000.mp4", "009.mp4"), "of no episode", copied("009.mp4", "000.mp4")),
+    foreign("lerobot", V3_VIDEO.replace("000.mp4", "009.mp4"), copied("009.mp4", "000.mp4")),
     export("lerobot", "meta/info.json", "another robot", entry(robot_type="none")),
     export("lerobot-v2.1", V21_VIDEO, "4 bytes inverted in the middle", flip(0.5, 4)),
-    export("lerobot-v2.1", V21_VIDEO.replace("0.mp4", "9.mp4"), "of no episode", copied("9.mp4", "0.mp4")),
+    foreign("lerobot-v2.1", V21_VIDEO.replace("0.mp4", "9.mp4"), copied("9.mp4", "0.mp4")),
     export("lerobot-v2.1", "meta/episodes_stats.jsonl", "another number", line_of('"episode_index": 0', '"episode_index": 0 ')),
     Kind("exports/parquet/notes.txt", "a text", text("mine"), "strays", USER),
     export("parquet", "data-00000.parquet", "missing", gone),
@@ -288,7 +287,7 @@ EXPORTS = (
     export("aloha", "episode_0.hdf5", "another number", put("action", lambda v: v + 1)),
     export("aloha", "episode_0.hdf5", "no images", drop("observations/images/cam_high")),
     export("aloha", "episode_0.hdf5", "exchanged with another", swap("0.hdf5", "1.hdf5")),
-    export("aloha", "episode_9.hdf5", "of no episode", copied("9.hdf5", "0.hdf5")),
+    foreign("aloha", "episode_9.hdf5", copied("9.hdf5", "0.hdf5")),
     export("aloha", "episodes.parquet", "cut to 50 % of its length", cut(0.5)),
     export("robotwin", f"{CONFIGURATION}/data/episode0.hdf5", "cut to 50 % of its length", cut(0.5)),
     export("robotwin", f"{CONFIGURATION}/data/episode0.hdf5", "an array less", drop("endpose/left_endpose")),

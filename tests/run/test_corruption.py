@@ -23,7 +23,7 @@ from pipeline.run.identity import slot_keys as keys
 from pipeline.run.names import recipe_from
 from pipeline.run.state import DONE, read_states
 from pipeline.run.verify.dataset import verify
-from tests.export.test_common import run as export
+from tests.export.running import run as export
 from tests.run.damage import (
     ANNOTATE,
     BUILD,

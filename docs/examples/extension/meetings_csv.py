@@ -7,6 +7,7 @@ from typing import Any
 
 from pipeline.data.episode.file import open_episode
 from pipeline.export.exporter import Exporter, Job, NoOptions, register
+from pipeline.export.shared.draft import ExportDraft
 
 HEAD = ["episode", "task", "level", "meeting (s)", "success (s)", "average speed (m/s)"]
 
@@ -29,16 +30,10 @@ class MeetingsCsv(Exporter[NoOptions]):
     name = "meetings-csv"
     options = NoOptions
 
-    def export(self, job: Job[NoOptions]) -> dict[str, Any]:
-        with self.draft(job) as draft:
-            table = rows(job.episodes)
-            with (draft.folder / "meetings.csv").open("w", newline="") as file:
-                csv.writer(file).writerows([HEAD, *table])
-            for _ in table:
-                job.advance()
-            return self.summarize(draft.folder, job, {"episodes": len(table)})
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: NoOptions) -> list[str]:
-        with (out / "meetings.csv").open(newline="") as file:
-            held = list(csv.reader(file))
-        return [] if held == [HEAD, *rows(episodes)] else [f"{out}/meetings.csv is not what the episodes say"]
+    def write(self, job: Job[NoOptions], draft: ExportDraft) -> dict[str, Any]:
+        table = rows(job.episodes)
+        with (draft.folder / "meetings.csv").open("w", newline="") as file:
+            csv.writer(file).writerows([HEAD, *table])
+        for _ in table:
+            job.advance()
+        return {"episodes": len(table)}

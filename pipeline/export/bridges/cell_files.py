@@ -13,8 +13,9 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.bridges.robotwin_arrays import SENSORS_WRITTEN
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
-from pipeline.export.shared.common import Facts, group_episodes, json_text
+from pipeline.export.shared.episodes import Facts, group_episodes
 from pipeline.export.shared.images import JpegOrder
+from pipeline.export.shared.record import json_text
 
 COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 

@@ -19,7 +19,8 @@ import numpy as np
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.lerobot.options import datasets_of
 from pipeline.export.options import option
-from pipeline.export.shared.common import Facts, read_facts, reading
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import Facts, read_facts, reading
 from pipeline.export.shared.meetings import interception
 from pipeline.export.shared.provenance import Provenance
 from pipeline.motion.contract import TargetMotion
@@ -104,42 +105,23 @@ class PumaGt(Exporter[PumaGtOptions]):
     name = "puma-gt"
     options = PumaGtOptions
 
-    def export(self, job: Job[PumaGtOptions]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one dataset that do not fit together."""
-        with self.draft(job) as draft:
-            frames = 0
-            for root, paths in _roots(job.episodes, draft.folder, job.options):
-                root.mkdir(parents=True)
-                with closing(Provenance(root / "episodes.parquet")) as rows:
-                    for index, path in enumerate(paths):
-                        facts, data = _encode(index, path, job.dataset)
-                        rows.append(facts)
-                        place = root / f"ep{index:03d}"
-                        place.mkdir()
-                        (place / "gt.pkl").write_bytes(data)
-                        job.advance()
-                frames += rows.frames
-            return self.summarize(draft.folder, job, {"episodes": len(job.episodes), "frames": frames})
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: PumaGtOptions) -> list[str]:
-        """Bytes must be those that the episode gives; nothing is unpickled."""
-        problems = []
-        for root, paths in _roots(episodes, out, options):
-            found = len(list(root.glob("ep*/gt.pkl")))
-            problems += [f"{root}: has {found} episodes for {len(paths)}"] * (found != len(paths))
-            for index, path in enumerate(paths):
-                place = root / f"ep{index:03d}" / "gt.pkl"
-                if not place.is_file() or place.read_bytes() != _encode(index, path, dataset)[1]:
-                    problems.append(f"{place}: is not that of {path}")
-        return problems
+    def write(self, job: Job[PumaGtOptions], draft: ExportDraft) -> dict[str, Any]:
+        frames = 0
+        for root, paths in _roots(job.episodes, draft.folder, job.options):
+            root.mkdir(parents=True)
+            with closing(Provenance(root / "episodes.parquet")) as rows:
+                for index, path in enumerate(paths):
+                    with reading(path) as file:
+                        facts = read_facts(file, job.dataset)
+                    rows.append(facts)
+                    place = root / f"ep{index:03d}"
+                    place.mkdir()
+                    (place / "gt.pkl").write_bytes(pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL))
+                    job.advance()
+            frames += rows.frames
+        return {"episodes": len(job.episodes), "frames": frames}
 
 
 def _roots(episodes: Sequence[Path], out: Path, options: PumaGtOptions) -> Iterator[tuple[Path, list[Path]]]:
     for root, paths in datasets_of(episodes, out, options.per_task).values():
         yield (out / options.dataset_name if root == out else root), paths
-
-
-def _encode(index: int, path: Path, dataset: Path) -> tuple[Facts, bytes]:
-    with reading(path) as file:
-        facts = read_facts(file, dataset)
-    return facts, pickle.dumps(payload(index, facts, interception(facts)), protocol=PROTOCOL)

@@ -36,8 +36,9 @@ from pipeline.export.bridges.cell_files import CellExporter, configuration
 from pipeline.export.bridges.robotwin_arrays import episode_arrays
 from pipeline.export.exporter import register
 from pipeline.export.options import one_of, option
-from pipeline.export.shared.common import ExportError, Facts, json_text
+from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.images import JpegOrder
+from pipeline.export.shared.record import json_text
 
 FRONT = "front_camera"
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import ImageColor
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.export.shared.common import ExportError, Facts
+from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.images import JpegOrder, reencode
 from pipeline.export.shared.sensors import DEPTH, POINTCLOUD, SEGMENTATION
 from pipeline.poses import compose, pose

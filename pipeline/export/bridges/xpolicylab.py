@@ -35,7 +35,7 @@ from pipeline.export.bridges.robotwin_arrays import coded, drive_targets, tool_p
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
 from pipeline.export.options import one_of, option
-from pipeline.export.shared.common import ExportError, Facts, group_episodes
+from pipeline.export.shared.episodes import ExportError, Facts, group_episodes
 from pipeline.export.shared.images import JpegOrder
 
 CAMERAS = {HEAD: "cam_head", LEFT_WRIST: "cam_left_wrist", RIGHT_WRIST: "cam_right_wrist"}

@@ -1,22 +1,21 @@
 """The common part of formats with one HDF5 file an episode: each format defines the directory, the names and the content."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
+from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import Exporter, Job
-from pipeline.export.shared.common import Facts, judging, read_facts, reading
-from pipeline.export.shared.hashes import Draft
-from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import Facts, read_facts, reading
+from pipeline.export.shared.provenance import PROVENANCE, Provenance
 
 type Storage = Callable[[str, NDArray[Any]], dict[str, Any] | None]
 """Options of h5py for an array by its key and values; None for an array that is assigned, which h5py links after its values."""
@@ -64,25 +63,6 @@ class Contents:
                 layout[:-1], layout[-1:] = frames[1:], frames[-1:]
                 f.create_virtual_dataset(key, layout)
 
-    def differences(self, path: Path) -> list[str]:
-        """Keys and attributes that are other ones in a file. Raises what h5py raises for a damaged file."""
-        with open_hdf5(path) as opened:
-            f: Any = opened
-            found: list[str] = []
-            f.visititems(lambda key, item: found.append(key) if isinstance(item, h5py.Dataset) else None)
-            differ = sorted({*found} ^ {*self.values, *self.later})
-            for key, want in self.values.items():
-                if key in found:
-                    texts = isinstance(want, str) or want.dtype.hasobject
-                    differ += _difference(key, f[key].asstr()[()] if texts else f[key][()], want)
-            for key, source in self.later.items():
-                if key in found and source in found:
-                    want = np.asarray(self.values[source])
-                    differ += _difference(key, f[key][()], want[np.minimum(np.arange(len(want)) + 1, len(want) - 1)])
-            for item, attributes in ((f, self.attributes), *((f[group], said) for group, said in self.of_groups.items())):
-                differ += [name for name, want in attributes.items() if not np.array_equal(item.attrs.get(name), want)]
-            return differ
-
 
 def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
     """Create the groups that datasets of these names need: those that h5py makes on the way carry the time of day."""
@@ -93,17 +73,8 @@ def make_groups(file: h5py.File, keys: Iterable[str]) -> None:
                 file.create_group("/".join(parts[:depth]))
 
 
-def _difference(key: str, got: Any, want: NDArray[Any] | str) -> list[str]:
-    """The key of an array that is another one, with the number of the first wrong image; [] for an equal one."""
-    if np.array_equal(got, want):
-        return []
-    if not isinstance(want, str) and want.ndim >= 3 and got.shape == want.shape:
-        return [f"{key} image {int(np.argmax((got != want).reshape(len(want), -1).any(1)))}"]
-    return [key]
-
-
 def write_files(
-    draft: Draft,
+    draft: ExportDraft,
     job: Job[Any],
     directory: Path,
     places: Mapping[Path, Path],
@@ -127,12 +98,6 @@ def write_files(
                     draft.record(made, made_from)
             job.advance()
             yield facts
-
-
-def find_misplaced(wanted: Collection[Path], found: Collection[Path]) -> list[str]:
-    """Files that an export lacks or should not have."""
-    missing = [f"{path}: is missing" for path in sorted({*wanted} - {*found})]
-    return missing + [f"{path}: belongs to no episode" for path in sorted({*found} - {*wanted})]
 
 
 class Hdf5Exporter[O](Exporter[O]):
@@ -173,72 +138,33 @@ class Hdf5Exporter[O](Exporter[O]):
     def finish(self, directory: Path) -> None:
         """Write what describes a whole directory, from its episodes.parquet; most formats have nothing more to write."""
 
-    def unfinished(self, directory: Path) -> list[str]:
-        """What is wrong with what `finish` wrote; [] when all is well. Raises what h5py and Arrow raise for damaged files."""
-        return []
-
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
         """Add what the summary has of a directory to its values, from the first episode."""
         values.setdefault("cameras", {}).update(self.cameras(first, options))
         values.setdefault("directories", []).append(name)
 
-    def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one directory that do not fit together."""
+    def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
         values: dict[str, Any] = {"episodes": len(job.episodes), "frames": 0}
-        with self.draft(job) as draft:
-            for directory, paths in self.directories(job.episodes, draft.folder).items():
-                shared, notes = self.shared(paths, job.options), list[Any]()
+        for directory, paths in self.directories(job.episodes, draft.folder).items():
+            shared, notes = self.shared(paths, job.options), list[Any]()
 
-                def write(made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared) -> None:
-                    self.contents(file, facts, job.options, shared).write(made)
+            def write_one(made: Path, file: EpisodeFile, facts: Facts, shared: Any = shared) -> None:
+                self.contents(file, facts, job.options, shared).write(made)
 
-                places = {path: self.file(directory, index) for index, path in enumerate(paths)}
-                also = () if shared is None else (shared,)
-                for index, facts in enumerate(write_files(draft, job, directory, places, write, also)):
-                    if index == 0:
-                        self.sum_up(values, directory.relative_to(draft.folder).as_posix(), facts, job.options)
-                    _write_texts(directory, self.texts(index, facts))
-                    notes.append(self.note(facts))
-                    values["frames"] += len(facts)
-                _write_texts(directory, self.lists(notes))
-                self.finish(directory)
-            return self.summarize(draft.folder, job, values)
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: O) -> list[str]:
-        """Every array, text and attribute must be that of the episode."""
-        problems: list[str] = []
-        for directory, paths in self.directories(episodes, out).items():
-            shared, notes = self.shared(paths, options), list[Any]()
-            wanted = {self.file(directory, index) for index in range(len(paths))}
-            found = {path for path in self.file(directory, 0).parent.glob("*.hdf5") if path.is_file()}
-            problems += find_misplaced(wanted, found)
-            for index, path in enumerate(paths):
-                exported = self.file(directory, index)
-                with reading(path) as file:
-                    facts = read_facts(file, dataset)
-                    contents = self.contents(file, facts, options, shared) if exported in found else None
+            places = {path: self.file(directory, index) for index, path in enumerate(paths)}
+            also = () if shared is None else (shared,)
+            for index, facts in enumerate(write_files(draft, job, directory, places, write_one, also)):
+                if index == 0:
+                    self.sum_up(values, directory.relative_to(draft.folder).as_posix(), facts, job.options)
+                _write_texts(directory, self.texts(index, facts))
                 notes.append(self.note(facts))
-                if contents is not None:
-                    with judging(exported, problems):
-                        problems += [f"{exported}: {what} differs from {path}" for what in contents.differences(exported)]
-                    problems += _changed_texts(directory, self.texts(index, facts))
-            problems += _changed_texts(directory, self.lists(notes))
-            with judging(directory, problems):
-                problems += check_provenance(directory / PROVENANCE, dataset, paths)
-                problems += self.unfinished(directory)
-        return problems
+                values["frames"] += len(facts)
+            _write_texts(directory, self.lists(notes))
+            self.finish(directory)
+        return values
 
 
 def _write_texts(directory: Path, texts: Mapping[str, str]) -> None:
     for name, text in texts.items():
         (directory / name).parent.mkdir(parents=True, exist_ok=True)
         (directory / name).write_text(text)
-
-
-def _changed_texts(directory: Path, texts: Mapping[str, str]) -> list[str]:
-    problems: list[str] = []
-    for name, text in texts.items():
-        with judging(directory / name, problems):
-            if (directory / name).read_text() != text:
-                problems.append(f"{directory / name}: differs from the episodes")
-    return problems

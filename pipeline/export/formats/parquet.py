@@ -17,27 +17,22 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from pipeline.data.annotations import stages_of
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.parquet_table import CONSTANTS, Plan, episode_table
 from pipeline.export.options import camera_names_option, option, whole
-from pipeline.export.shared.annotations import Joined, annotation_hashes, joined_of
-from pipeline.export.shared.common import (
-    EXPORT_FAULTS,
+from pipeline.export.shared.annotations import Joined, joined_of
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import (
     ExportError,
     Facts,
     exported_cameras,
-    judging,
     read_facts,
-    read_summary,
     reading,
     sort_episodes,
     source_of,
 )
-from pipeline.export.shared.hashes import Draft
-from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.shared.provenance import PROVENANCE, Provenance
 from pipeline.export.shared.sensors import IMAGE, SENSORS, sensors_of
 from pipeline.export.shared.tables import TableWriter
 
@@ -62,36 +57,32 @@ class Parquet(Exporter[ParquetOptions]):
     name = "parquet"
     options = ParquetOptions
 
-    def export(self, job: Job[ParquetOptions]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes, and for episodes that differ in fps or cameras."""
+    def write(self, job: Job[ParquetOptions], draft: ExportDraft) -> dict[str, Any]:
         paths = sort_episodes(job.episodes)
-        with self.draft(job) as draft:
-            folder = draft.folder
-            firsts = _firsts(paths, job.dataset)
-            sensors = _sensors(paths)
-            plan = _plan(firsts, job.options, sensors, joined_of(job.dataset, job.options.annotations, job.options.camera_names))
-            files = _Files(draft, plan, job.options)
-            rows = Provenance(folder / PROVENANCE)
-            with closing(rows), closing(files):
-                items = [_item(index, path, draft, plan, job.dataset) for index, path in enumerate(paths)]
-                kept = 0
-                for index, path in enumerate(paths):
+        firsts = _firsts(paths, job.dataset)
+        joined = joined_of(job.dataset, job.options.annotations, job.options.camera_names)
+        plan = _plan(firsts, job.options, _sensors(paths), joined)
+        files, rows = _Files(draft, plan, job.options), Provenance(draft.folder / PROVENANCE)
+        with closing(rows), closing(files):
+            items = [_item(index, path, draft, plan) for index, path in enumerate(paths)]
+            kept = 0
+            for index, path in enumerate(paths):
+                if index >= kept:
+                    kept = index + files.keep(items, index)
+                with reading(path) as file:
+                    facts = read_facts(file, job.dataset)
+                    rows.append(facts)
                     if index >= kept:
-                        kept = index + files.keep(items, index)
-                    with reading(path) as file:
-                        facts = read_facts(file, job.dataset)
-                        rows.append(facts)
-                        if index >= kept:
-                            files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
-                    job.advance()
-            values = {
-                "episodes": len(paths),
-                "frames": rows.frames,
-                "files": files.count,
-                "fps": plan.fps,
-                "embodiments": sorted(firsts),
-            }
-            return self.summarize(folder, job, values | {"annotations": [one.directory for one in plan.joined]})
+                        files.write(episode_table(index, facts, file, plan, job.dataset), items[index])
+                job.advance()
+        return {
+            "episodes": len(paths),
+            "frames": rows.frames,
+            "files": files.count,
+            "fps": plan.fps,
+            "embodiments": sorted(firsts),
+            "annotations": [one.directory for one in joined],
+        }
 
     def sensors(self, options: ParquetOptions) -> Collection[str]:
         return SENSORS
@@ -101,59 +92,6 @@ class Parquet(Exporter[ParquetOptions]):
             {"config_name": "frames", "data_files": "data-*.parquet", "default": True},
             {"config_name": "episodes", "data_files": PROVENANCE},
         ]
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: ParquetOptions) -> list[str]:
-        """Every value and every byte of the images must be the episode's."""
-        paths = sort_episodes(episodes)
-        files = sorted(out.glob("data-*.parquet"))
-        problems: list[str] = []
-        try:
-            # annotations that have been deleted since cannot be compared
-            left = [directory for directory in read_summary(out)["annotations"] if directory in stages_of(dataset)]
-            chosen = ",".join(left) or "none"
-            joined = joined_of(dataset, chosen, options.camera_names)
-            plan = _plan(_firsts(paths, dataset), options, _sensors(paths), joined)
-            groups = [group for file in files for group in _groups(file)]
-        except (*EXPORT_FAULTS, ExportError, pa.ArrowException) as error:
-            return [f"{out}: cannot be read ({' '.join(str(error).split())})"]
-        for index, path in enumerate(paths):
-            with reading(path) as file:
-                facts = read_facts(file, dataset)
-                mine = _take(groups, len(facts))
-                if not mine:
-                    problems.append(f"{out}: no row groups hold the {len(facts)} frames of {path}")
-                    break
-                where = f"{mine[0][0]}, row group {mine[0][1]}"
-                with judging(mine[0][0], problems):
-                    try:
-                        want = episode_table(index, facts, file, plan, dataset)
-                    except ExportError as error:
-                        problems.append(str(error))
-                        continue
-                    got = pa.concat_tables([pq.ParquetFile(name).read_row_group(group) for name, group in mine])
-                    differ = [c for c in want.column_names if c not in got.column_names or not got[c].equals(want[c])]
-                    problems += [f"{where}: column {c} differs from {path}" for c in differ]
-        if groups:
-            problems.append(f"{out}: has {len(groups)} row groups that belong to no episode")
-        with judging(out / PROVENANCE, problems):
-            problems += check_provenance(out / PROVENANCE, dataset, paths)
-        return problems
-
-
-def _groups(file: Path) -> list[tuple[Path, int, int]]:
-    """File, number and rows of every row group of a file."""
-    metadata = pq.read_metadata(file)
-    return [(file, i, metadata.row_group(i).num_rows) for i in range(metadata.num_row_groups)]
-
-
-def _take(groups: list[tuple[Path, int, int]], rows: int) -> list[tuple[Path, int]]:
-    """The first row groups, taken from the list, that have so many rows together; [] where none have."""
-    taken = []
-    while groups and rows > 0:
-        name, group, count = groups.pop(0)
-        taken.append((name, group))
-        rows -= count
-    return taken if rows == 0 else []
 
 
 def _sensors(paths: Sequence[Path]) -> set[str]:
@@ -172,16 +110,17 @@ def _plan(firsts: Mapping[str, Facts], options: ParquetOptions, sensors: Collect
     return Plan(reference.fps, cameras, names, sensors, joined, reference.corrected, reference.spins)
 
 
-def _item(index: int, path: Path, draft: Draft, plan: Plan, dataset: Path) -> list[Any]:
+def _item(index: int, path: Path, draft: ExportDraft, plan: Plan) -> list[Any]:
     """All that the rows of an episode are made from."""
-    source = source_of(path, dataset)
-    return [index, source, draft.hash_of(path), *annotation_hashes(plan.joined, dataset, source)]
+    source = source_of(path, draft.dataset)
+    annotations = (draft.hash_if_there(one.file(draft.dataset, source)) for one in plan.joined)
+    return [index, source, draft.hash_of(path), *annotations]
 
 
 class _Files:
     """data-00000.parquet ...: a table is a row group; a new file begins when one has reached `file_bytes`."""
 
-    def __init__(self, draft: Draft, plan: Plan, options: ParquetOptions) -> None:
+    def __init__(self, draft: ExportDraft, plan: Plan, options: ParquetOptions) -> None:
         self.draft, self.schema, self.options, self.count = draft, plan.schema(), options, 0
         coded = [field.name for field in self.schema if field.type == IMAGE]
         # JPEG and PNG bytes neither compress nor repeat
@@ -195,14 +134,14 @@ class _Files:
     def keep(self, items: Sequence[list[Any]], start: int) -> int:
         """Take over the next file where the older export has one of the episodes from `start`; returns of how many."""
         name = f"data-{self.count:05d}.parquet"
-        said = self.draft.older.files.get(name, {})
-        count, full = said.get("episodes", 0), said.get("full", False)
+        older = self.draft.older.record.contents.get(name, {})
+        count, full = older.get("episodes", 0), older.get("full", False)
         if self._writer is not None or not 0 < count <= len(items) - start:
             return 0
         if not full and count < len(items) - start:  # it ended for want of episodes, and there are more
             return 0
         made_from = self._sources_of(items[start : start + count])
-        if not self.draft.keep(self.draft.folder / name, made_from, episodes=count, full=full):
+        if not self.draft.keep(self.draft.folder / name, made_from):
             return 0
         self.count += 1
         return count

@@ -12,7 +12,6 @@ success), `discount`, `is_first`, `is_last`. State is measured at the frame, `ac
 after it: nothing is shifted. The split is `train`, of failed attempts `failures`.
 """
 
-import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -25,22 +24,21 @@ import numpy as np
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.formats.tfrecord import Value, example, read_records, write_records
+from pipeline.export.formats.tfrecord import Value, example, write_records
 from pipeline.export.options import camera_names_option, image_size, option, whole
-from pipeline.export.shared.common import (
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import (
     FAILURES,
     ExportError,
     Facts,
     exported_cameras,
     group_episodes,
-    judging,
     read_facts,
     reading,
-    write_json,
 )
-from pipeline.export.shared.hashes import Draft
 from pipeline.export.shared.images import reencode
-from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.shared.provenance import PROVENANCE, Provenance
+from pipeline.export.shared.record import write_json
 from pipeline.export.shared.sensors import DEPTH, coded_images
 
 VERSION = "1.0.0"
@@ -69,52 +67,25 @@ class Rlds(Exporter[RldsOptions]):
     def sensors(self, options: RldsOptions) -> Collection[str]:
         return ("depth",)
 
-    def export(self, job: Job[RldsOptions]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one robot that do not fit together."""
-        with self.draft(job) as draft:
-            frames, cameras, directories = 0, dict[str, str](), _directories(job.episodes, draft.folder)
-            for directory, paths in directories.items():
-                first, features = None, dict[str, Any]()
-                with closing(Provenance(directory / PROVENANCE)) as rows:
-                    for path in paths:
-                        with reading(path) as file:
-                            facts = read_facts(file, job.dataset)
-                            described = features_of(file, facts, job.options)
-                        if first is not None and described != features:
-                            raise ExportError(f"{facts.source}: has other sensors than {first.source}; export them separately")
-                        first, features = first or facts, described
-                        cameras |= exported_cameras(facts, job.options.camera_names)
-                        rows.append(facts)
-                frames += rows.frames
-                write_json(directory / "features.json", features)
-                write_json(directory / "dataset_info.json", _write_shards(draft, job, directory, paths))
-            values = {"episodes": len(job.episodes), "frames": frames, "cameras": cameras}
-            names = sorted(path.relative_to(draft.folder).as_posix() for path in directories)
-            return self.summarize(draft.folder, job, values | {"directories": names})
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: RldsOptions) -> list[str]:
-        """Every record must have the bytes that its episode gives."""
-        problems: list[str] = []
-        for directory, paths in _directories(episodes, out).items():
-            shards, split = list(batched(paths, options.shard_episodes)), _split_of(dataset, paths[0])
-            found = {path.name for path in directory.glob("*.tfrecord-*")}
-            wanted = {_shard(directory, split, number, len(shards)).name for number in range(len(shards))}
-            problems += [f"{directory / name}: is missing or belongs to no episode" for name in sorted(found ^ wanted)]
-            sizes: list[list[int]] = []
-            for number, shard in enumerate(shards):
-                path, messages = _shard(directory, split, number, len(shards)), list(_messages(dataset, shard, options))
-                sizes.append([len(message) for message in messages])
-                if path.name in found:
-                    with judging(path, problems):
-                        problems += [f"{path}: differs from its episodes"] * (list(read_records(path)) != messages)
-            with reading(paths[0]) as file:
-                features = features_of(file, read_facts(file, dataset), options)
-            with judging(directory, problems):
-                for name, want in (("features.json", features), ("dataset_info.json", _info(directory, split, sizes))):
-                    if json.loads((directory / name).read_text()) != want:
-                        problems.append(f"{directory / name}: does not describe the episodes")
-                problems += check_provenance(directory / PROVENANCE, dataset, paths)
-        return problems
+    def write(self, job: Job[RldsOptions], draft: ExportDraft) -> dict[str, Any]:
+        frames, cameras, directories = 0, dict[str, str](), _directories(job.episodes, draft.folder)
+        for directory, paths in directories.items():
+            first, features = None, dict[str, Any]()
+            with closing(Provenance(directory / PROVENANCE)) as rows:
+                for path in paths:
+                    with reading(path) as file:
+                        facts = read_facts(file, job.dataset)
+                        described = features_of(file, facts, job.options)
+                    if first is not None and described != features:
+                        raise ExportError(f"{facts.source}: has other sensors than {first.source}; export them separately")
+                    first, features = first or facts, described
+                    cameras |= exported_cameras(facts, job.options.camera_names)
+                    rows.append(facts)
+            frames += rows.frames
+            write_json(directory / "features.json", features)
+            write_json(directory / "dataset_info.json", _write_shards(draft, job, directory, paths))
+        names = sorted(path.relative_to(draft.folder).as_posix() for path in directories)
+        return {"episodes": len(job.episodes), "frames": frames, "cameras": cameras, "directories": names}
 
 
 def _directories(episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
@@ -132,17 +103,17 @@ def _shard(directory: Path, split: str, number: int, count: int) -> Path:
     return directory / f"{directory.parent.name}-{split}.tfrecord-{number:05d}-of-{count:05d}"
 
 
-def _write_shards(draft: Draft, job: Job[RldsOptions], directory: Path, paths: Sequence[Path]) -> dict[str, Any]:
+def _write_shards(draft: ExportDraft, job: Job[RldsOptions], directory: Path, paths: Sequence[Path]) -> dict[str, Any]:
     """Write the records of a robot's episodes; returns dataset_info.json."""
     shards, split = list(batched(paths, job.options.shard_episodes)), _split_of(job.dataset, paths[0])
     sizes: list[list[int]] = []
     for number, shard in enumerate(shards):
         made, made_from = _shard(directory, split, number, len(shards)), ["shard", [draft.hash_of(path) for path in shard]]
-        if draft.keep(made, made_from):
-            sizes.append([len(message) for message in read_records(made)])
+        if kept := draft.keep(made, made_from):
+            sizes.append(kept["records"])
         else:
             sizes.append(write_records(made, _messages(job.dataset, shard, job.options)))
-            draft.record(made, made_from)
+            draft.record(made, made_from, records=sizes[-1])
         for _ in shard:
             job.advance()
     return _info(directory, split, sizes)

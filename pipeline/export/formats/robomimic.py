@@ -29,11 +29,11 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.episode.hdf5 import new_hdf5, open_hdf5
+from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
 from pipeline.export.options import camera_names_option, image_size, option
-from pipeline.export.shared.common import Facts, by_embodiment, exported_cameras
+from pipeline.export.shared.episodes import Facts, by_embodiment, exported_cameras
 from pipeline.export.shared.images import resize
 from pipeline.export.shared.provenance import PROVENANCE
 
@@ -114,18 +114,6 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
                 data[f"demo_{index}"] = h5py.ExternalLink(f"{DEMOS}/demo_{index}.hdf5", "/")
             for name, demos in masks.items():
                 mask[name] = np.array(demos, "S")
-
-    def unfinished(self, directory: Path) -> list[str]:
-        """Compare demos.hdf5 with episodes.parquet."""
-        attributes, masks, count = index_of(directory / PROVENANCE)
-        with open_hdf5(directory / INDEX) as opened:
-            f: Any = opened
-            links = {name: f["data"].get(name, getlink=True) for name in f["data"]}
-            wanted = {f"demo_{i}": f"{DEMOS}/demo_{i}.hdf5" for i in range(count)}
-            differ = ["links"] * ({name: getattr(link, "filename", None) for name, link in links.items()} != wanted)
-            differ += [name for name, want in attributes.items() if f["data"].attrs.get(name) != want]
-            differ += ["mask"] * ({name: [demo.decode() for demo in f["mask"][name][()]] for name in f["mask"]} != masks)
-        return [f"{directory / INDEX}: {what} are not those of the episodes" for what in differ]
 
 
 def index_of(provenance: Path) -> tuple[dict[str, Any], dict[str, list[str]], int]:

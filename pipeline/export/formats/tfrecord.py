@@ -1,4 +1,4 @@
-"""TFRecord files of tf.train.Example messages, written and read without TensorFlow.
+"""TFRecord files of tf.train.Example messages, written without TensorFlow.
 
 A record is its length (8 bytes, little endian), a checksum of these, the message, and a checksum of it; checksums are CRC-32C,
 rotated and shifted as https://www.tensorflow.org/tutorials/load_data/tfrecord says. A message is protocol buffers' wire format:
@@ -7,7 +7,7 @@ int64_list (3), the values of which are field 1, numbers packed.
 """
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,19 +60,6 @@ def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
             f.write(struct.pack("<I", masked_crc(message)))
             lengths.append(len(message))
     return lengths
-
-
-def read_records(path: Path) -> Iterator[bytes]:
-    """The messages of a file. Raises ValueError for one that is cut short or whose checksums are wrong."""
-    with path.open("rb") as f:
-        while head := f.read(12):
-            size, crc = struct.unpack("<QI", head) if len(head) == 12 else (0, -1)
-            if masked_crc(head[:8]) != crc:
-                raise ValueError("the length of a record is damaged")
-            body = f.read(size + 4)
-            if len(body) != size + 4 or masked_crc(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
-                raise ValueError("a record is damaged")
-            yield body[:-4]
 
 
 def masked_crc(data: bytes) -> int:

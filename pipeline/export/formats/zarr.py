@@ -12,8 +12,7 @@
 both policies pair them. A chunk holds --chunk-frames frames of an array.
 """
 
-import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,12 +24,12 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.formats.zarr_files import GROUP, ZarrArray, begin_group
+from pipeline.export.formats.zarr_files import ZarrArray, begin_group
 from pipeline.export.options import camera_names, image_size, one_of, option, whole
-from pipeline.export.shared.common import ExportError, Facts, by_embodiment, exported_cameras, judging, read_facts, reading
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import ExportError, Facts, by_embodiment, exported_cameras, read_facts, reading
 from pipeline.export.shared.images import resize
-from pipeline.export.shared.provenance import PROVENANCE, Provenance, check_provenance
+from pipeline.export.shared.provenance import PROVENANCE, Provenance
 
 BUFFER = "replay_buffer.zarr"
 
@@ -133,27 +132,14 @@ class Zarr(Exporter[ZarrOptions]):
     def sensors(self, options: ZarrOptions) -> Collection[str]:
         return ("depth", "pointcloud")
 
-    def export(self, job: Job[ZarrOptions]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes and for those of one robot that do not fit together."""
-        with self.draft(job) as draft:
-            frames, cameras = 0, dict[str, str]()
-            for directory, paths in by_embodiment(job.episodes, draft.folder).values():
-                buffer = Buffer(job.dataset, paths, job.options)
-                cameras |= _describe(buffer, directory, job)
-                _write(buffer, directory / BUFFER, draft)
-                frames += int(buffer.ends[-1])
-            return self.summarize(draft.folder, job, {"episodes": len(job.episodes), "frames": frames, "cameras": cameras})
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: ZarrOptions) -> list[str]:
-        """Every chunk, made again, must have the values on disk."""
-        problems: list[str] = []
-        for directory, paths in by_embodiment(episodes, out).values():
-            buffer, root = Buffer(dataset, paths, options), directory / BUFFER
-            arrays = [*buffer.arrays(root).values(), ends_of(buffer, root)]
-            with judging(root, problems):
-                problems += list(_compare(buffer, root, arrays))
-                problems += check_provenance(directory / PROVENANCE, dataset, paths)
-        return problems
+    def write(self, job: Job[ZarrOptions], draft: ExportDraft) -> dict[str, Any]:
+        frames, cameras = 0, dict[str, str]()
+        for directory, paths in by_embodiment(job.episodes, draft.folder).values():
+            buffer = Buffer(job.dataset, paths, job.options)
+            cameras |= _describe(buffer, directory, job)
+            _write(buffer, directory / BUFFER, draft)
+            frames += int(buffer.ends[-1])
+        return {"episodes": len(job.episodes), "frames": frames, "cameras": cameras}
 
 
 def ends_of(buffer: Buffer, root: Path) -> ZarrArray:
@@ -174,7 +160,7 @@ def _describe(buffer: Buffer, directory: Path, job: Job[ZarrOptions]) -> dict[st
     return names
 
 
-def _write(buffer: Buffer, root: Path, draft: Draft) -> None:
+def _write(buffer: Buffer, root: Path, draft: ExportDraft) -> None:
     hashes = {path: draft.hash_of(path) for path in buffer.paths}
     arrays, ends = buffer.arrays(root), ends_of(buffer, root)
     for folder in (root, root / "data", root / "meta"):
@@ -189,20 +175,3 @@ def _write(buffer: Buffer, root: Path, draft: Draft) -> None:
             if not draft.keep(array.chunk(number), made_from):
                 array.write(number, buffer.chunk(key, spans))
                 draft.record(array.chunk(number), made_from)
-
-
-def _compare(buffer: Buffer, root: Path, arrays: Sequence[ZarrArray]) -> Iterator[str]:
-    wanted = {root / folder / ".zgroup": GROUP for folder in (".", "data", "meta")}
-    wanted |= {array.folder / ".zarray": array.description for array in arrays}
-    for path, text in wanted.items():
-        if json.loads(path.read_text()) != json.loads(text):
-            yield f"{path}: does not describe the episodes"
-    found = {path for path in root.rglob("*") if path.is_file()}
-    chunks = {array.chunk(number) for array in arrays for number in range(array.chunks)}
-    yield from (f"{path}: belongs to no episode" for path in sorted(found - chunks - set(wanted)))
-    for number in range(arrays[0].chunks):
-        for array in arrays[:-1]:
-            if not array.holds(number, buffer.chunk(array.folder.name, buffer.spans(number, {}))):
-                yield f"{array.chunk(number)}: differs from the episodes"
-    if not arrays[-1].holds(0, buffer.ends):
-        yield f"{arrays[-1].folder}: differs from the episodes"

@@ -59,12 +59,6 @@ class ZarrArray:
         """Write a chunk; the last one is filled up with zeros."""
         self.chunk(number).write_bytes(pa.Codec("zstd", LEVEL).compress(self._fill(values).tobytes(), asbytes=True))
 
-    def holds(self, number: int, values: NDArray[Any]) -> bool:
-        """Whether a chunk on disk has these values. Raises what Arrow and the file system raise for damage."""
-        want = self._fill(values)
-        got = pa.Codec("zstd").decompress(self.chunk(number).read_bytes(), want.nbytes, asbytes=True)
-        return got == want.tobytes()
-
     def _fill(self, values: NDArray[Any]) -> NDArray[Any]:
         filled = np.zeros((self.rows, *self.shape[1:]), self.dtype)
         filled[: len(values)] = values

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.keys import file_hash
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.export.shared.common import ExportError, Facts
+from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.freshness import command, stale
 from pipeline.export.shared.sensors import IMAGE, image_column, png
 
@@ -53,6 +52,11 @@ class Joined:
         """Column -> Arrow type."""
         return {f"{name}_{self.suffix}": kind for name, kind in COLUMNS[self.stage].items()}
 
+    def file(self, dataset: Path, source: str) -> Path:
+        """The annotation file of an episode."""
+        relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
+        return annotation_path(dataset, self.directory, relative)
+
 
 def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Joined]:
     """The annotations of a dataset to join: `chosen` is "all", "none" or directory names separated by commas.
@@ -77,20 +81,6 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
     return out
 
 
-def _file_of(one: Joined, dataset: Path, source: str) -> Path:
-    relative = Path(source).relative_to("episodes") if source.startswith("episodes/") else Path(source)
-    return annotation_path(dataset, one.directory, relative)
-
-
-def annotation_hashes(joined: Sequence[Joined], dataset: Path, source: str) -> list[str | None]:
-    """sha256 of the annotation files of an episode, None for those that are not there. Raises ExportError."""
-    paths = [_file_of(one, dataset, source) for one in joined]
-    try:
-        return [file_hash(path) if path.exists() else None for path in paths]
-    except OSError as error:
-        raise ExportError(f"{error.filename}: cannot be read ({error.strerror}); run annotate again") from error
-
-
 def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts) -> dict[str, pa.Array]:
     """Columns of an open episode.
 
@@ -100,7 +90,7 @@ def annotation_columns(joined: Sequence[Joined], dataset: Path, file: EpisodeFil
     columns: dict[str, pa.Array] = {}
     source, frames = facts.source, len(facts)
     for one in joined:
-        path, stage = _file_of(one, dataset, source), {"stage": one.stage, "parameters": one.parameters}
+        path, stage = one.file(dataset, source), {"stage": one.stage, "parameters": one.parameters}
         try:
             entry = read_entry(path)
         except FileNotFoundError:

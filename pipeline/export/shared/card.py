@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from pipeline.export.shared.common import FAILURES
+from pipeline.export.shared.episodes import FAILURES
 
 CARD = "README.md"
 LICENSE = "apache-2.0"

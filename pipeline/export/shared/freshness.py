@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.keys import arrays_digest, frames_digest
-from pipeline.export.shared.common import Facts
+from pipeline.export.shared.episodes import Facts
 
 TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation",)}
 """Arrays of a camera that a stage reads where it is computed from the simulator's truth."""

@@ -1,6 +1,6 @@
 """What is derived from the log of an exported episode."""
 
-from pipeline.export.shared.common import ExportError, Facts
+from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded.interception import Interception
 

@@ -1,19 +1,17 @@
 """Where an episode comes from, as columns: what travels with every row of metadata, and the longer texts in a file of their own."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
 from pipeline.data.rules import rules_of
 from pipeline.data.splits import split_of
-from pipeline.export.shared.common import Facts, read_facts, reading, same
+from pipeline.export.shared.episodes import Facts, same
 from pipeline.export.shared.meetings import interception
 from pipeline.export.shared.script import rows_of
 from pipeline.export.shared.tables import RowWriter
@@ -116,22 +114,6 @@ def provenance(index: int, facts: Facts) -> dict[str, Any]:
 
 PROVENANCE = "episodes.parquet"
 """File of these rows in most formats."""
-
-
-def check_provenance(file: Path, dataset: Path, paths: Sequence[Path], after_success: float | None = None) -> list[str]:
-    """Compare a file of `provenance` rows with its episodes, in order, shortened as in `read_facts`; returns the problems found.
-
-    Raises what Arrow and the file system raise for a file that cannot be read, ExportError for episodes that cannot.
-    """
-    rows = pq.read_table(file, schema=PROVENANCE_SCHEMA).to_pylist()
-    if len(rows) != len(paths):
-        return [f"{file}: has {len(rows)} rows for {len(paths)} episodes"]
-    problems = []
-    for index, (path, row) in enumerate(zip(paths, rows, strict=True)):
-        with reading(path) as episode:
-            wanted = provenance(index, read_facts(episode, dataset, after_success))
-        problems += [f"{file}: row {index}: {name} is not that of {path}" for name in wanted if row[name] != wanted[name]]
-    return problems
 
 
 class Provenance(RowWriter):

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.data.names import SIDES
-from pipeline.export.shared.common import Facts
+from pipeline.export.shared.episodes import Facts
 
 WAIT, POLICY = "wait", "policy"
 

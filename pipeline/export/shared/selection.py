@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.data.select import parse_where, select_specs
-from pipeline.export.shared.common import ExportError, reading
+from pipeline.export.shared.episodes import ExportError, reading
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.export.shared.common import ExportError
+from pipeline.export.shared.episodes import ExportError
 
 DEPTH, SEGMENTATION, POINTCLOUD = SENSORS = ("depth", "segmentation", "pointcloud")
 """Names of the recipe's keys."""

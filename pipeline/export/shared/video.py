@@ -14,7 +14,7 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from pipeline.data.episode.jpeg import EpisodeError
-from pipeline.export.shared.common import ExportError
+from pipeline.export.shared.episodes import ExportError
 
 DEFAULTS = {"h264": (20, "ultrafast"), "libsvtav1": (32, "12"), "hevc": (25, "ultrafast")}
 """crf and preset by encoder."""

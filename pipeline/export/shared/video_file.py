@@ -13,7 +13,7 @@ from typing import Any
 
 import av
 
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft
 
 OPTIONS = {"movflags": "faststart", "write_btrt": "0"}
 """The index comes first, so that a part can be played from a server. The box of bit rates would say how the clips were made."""
@@ -80,7 +80,7 @@ class VideoFile:
 
     path: Path
     fps: int
-    draft: Draft | None = None
+    draft: ExportDraft | None = None
     frames: int = 0
     size: int = 0
     _names: list[str] = field(default_factory=list, repr=False)

@@ -12,11 +12,10 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.keys import frames_digest
 from pipeline.data.parsing import parse_json
-from pipeline.data.reading import IRREGULAR, check_regular, read_regular
+from pipeline.data.reading import check_regular, read_regular
 from pipeline.data.store.mirror import fetch_below
-from pipeline.export import EXPORTERS
-from pipeline.export.shared.common import FAILURES, ExportError, foreign_files, read_summary
-from pipeline.export.shared.hashes import changed_files
+from pipeline.export.shared.episodes import FAILURES, ExportError
+from pipeline.export.shared.record import read_record
 from pipeline.export.shared.selection import select_episodes
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
@@ -109,27 +108,20 @@ def exports_of(dataset: Dataset) -> list[Path]:
 
 
 def check_export(dataset: Dataset, place: Path, episodes: Sequence[Path]) -> Iterator[Finding]:
-    """One export against the episodes, all of which must be sound. Its directory may have any name; export.json says its format."""
+    """One export against the episodes, all of which must be sound, by hashes. Its directory may have any name."""
     check, where = f"export {place.name}", place.relative_to(dataset.root)
     fetch_below(place)
     try:
-        name = read_summary(place)["format"]
-        exporter = EXPORTERS[name]
+        record = read_record(place)
     except FAULTS as error:
-        yield Finding(check, f"{where}: cannot be read ({line(error)}); {EXPORT_AGAIN}, or remove it")
+        yield Finding(check, f"{where}: cannot be read ({line(error).removeprefix(f'{place}: ')})")
         return
-    if irregular := [p for p in sorted(place.rglob("*")) if not p.is_file() and not p.is_dir()]:
-        yield Finding(check, f"{irregular[0].relative_to(dataset.root)}: {IRREGULAR} and {EXPORT_AGAIN}")
-        return
-    for path in foreign_files(place):
+    for path in record.foreign():
         yield Finding("strays", f"{path.relative_to(dataset.root)}: is no part of the export; move it away")
     try:
-        summary = read_summary(place)
-        if summary.get("split") == FAILURES:
+        if record.summary.get("split") == FAILURES:
             episodes = dataset.intact_failures(dataset.recipe())
-        episodes = select_episodes(sorted(episodes), str(summary.get("where", "")))
-        problems = changed_files(place)
-        problems += exporter.check(dataset.root, place, episodes)
+        problems = record.check(dataset.root, select_episodes(sorted(episodes), str(record.summary.get("where", ""))))
     except (ExportError, DatasetError, *FAULTS) as error:
         problems = [line(error)]
     yield from (Finding(check, f"{problem.replace(f'{dataset.root}/', '')}; {EXPORT_AGAIN}") for problem in problems)

@@ -8,7 +8,7 @@ import pytest
 from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError
 from pipeline.poses import matrix
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 PLACE = "clean/click_bell/aloha-agilex_L1_clean"
@@ -87,19 +87,6 @@ def test_the_converter_takes_the_files(tmp_path, episodes):
         assert valid[:, 0].tolist() == [t >= contact for t in range(len(valid))] and not valid[:, 1].any()
         assert set(group["first_target_gripper_contact_step_index"][:, 0]) == {-1, 16 * contact}
         assert group["target_contact_poses_wxyz"].shape == (len(valid), 1, 7)
-    assert check_exports(tmp_path, out, "dynamicwam", episodes) == []
-
-
-def test_check_sees_a_changed_field(tmp_path, episodes):
-    out = tmp_path / "out"
-    run("dynamicwam", tmp_path, out, episodes)
-    file = out / PLACE / "data" / "episode1.hdf5"
-    with h5py.File(file, "r+") as f:
-        f["interception/sim_step_index"][3] += 1
-    (problem,) = check_exports(tmp_path, out, "dynamicwam", episodes)
-    assert "episode1.hdf5: interception/sim_step_index differs" in problem
-    file.unlink()
-    assert any("episode1.hdf5: is missing" in p for p in check_exports(tmp_path, out, "dynamicwam", episodes))
 
 
 @pytest.mark.parametrize(
@@ -123,4 +110,3 @@ def test_the_front_camera_that_the_collection_wants(tmp_path, monkeypatch, store
         assert sorted(f["observation"]) == ["front_camera", "head_camera", "left_camera", "right_camera"]
         rgb = cv2.imdecode(np.frombuffer(f["observation/front_camera/rgb"][0], np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert (np.abs(rgb.astype(int) - COLORS[stored]).max(-1) < 25).sum() > 1200
-    assert check_exports(tmp_path, tmp_path / "out", "dynamicwam", [path]) == []

@@ -14,7 +14,7 @@ from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError, parse_options
 from pipeline.export.bridges.robotwin import RobotwinOptions
 from pipeline.poses import matrix
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.synthetic import CAMERAS, COLORS, episode_path, make_episode
 
 CONFIGURATION = "click_bell/aloha-agilex_L1_clean"
@@ -66,7 +66,6 @@ def test_each_reader_gets_its_colors_in_its_own_order_only(tmp_path, episodes, o
                 assert error(wrong[camera], path, camera) > 100
             color = np.abs(right[camera][0].astype(int) - COLORS[camera]).max(-1) < 25
             assert 1200 < color.sum() <= 1700
-    assert check_exports(tmp_path, out, "robotwin", episodes) == []
 
 
 def test_vectors_instructions_seeds_and_scenes(tmp_path, episodes):
@@ -110,7 +109,6 @@ def test_cells_have_directories_of_their_own(tmp_path, episodes):
         "franka-panda_L1_clean",
     ]
     assert stock_converter_reads(out / "click_bell/franka-panda_L1_clean", 0)[0].shape == (3, 16)
-    assert check_exports(tmp_path, out, "robotwin", [*episodes, wide, fast]) == []
 
 
 def test_the_order_has_no_default():
@@ -118,26 +116,6 @@ def test_the_order_has_no_default():
         parse_options("robotwin", RobotwinOptions, {})
     with pytest.raises(ExportError, match="--jpeg-order 'gbr': choose rgb or bgr"):
         parse_options("robotwin", RobotwinOptions, {"jpeg_order": "gbr"})
-
-
-@pytest.mark.parametrize(
-    ("key", "spoil", "message"),
-    [
-        ("joint_action/vector", lambda x: x + 1e-9, "joint_action/vector differ"),
-        ("endpose/left_endpose", lambda x: x[::-1], "endpose/left_endpose differ"),
-        ("observation/head_camera/rgb", lambda x: x[::-1], "observation/head_camera/rgb differ"),
-    ],
-)
-@pytest.mark.parametrize("order", ["rgb", "bgr"])
-def test_check_sees_what_was_changed(tmp_path, episodes, order, key, spoil, message):
-    out = tmp_path / "out"
-    run("robotwin", tmp_path, out, episodes[:1], jpeg_order=order)
-    with h5py.File(out / CONFIGURATION / "data/episode0.hdf5", "r+") as f:
-        data = spoil(f[key][()])
-        del f[key]
-        f[key] = data
-    problems = check_exports(tmp_path, out, "robotwin", episodes[:1])
-    assert len(problems) == 1 and message in problems[0]
 
 
 def test_a_stored_camera_becomes_the_front_camera(tmp_path, monkeypatch):
@@ -151,7 +129,6 @@ def test_a_stored_camera_becomes_the_front_camera(tmp_path, monkeypatch):
         assert sorted(g["observation"]) == ["front_camera", "head_camera", "left_camera"]
         for key in ("rgb", "cam2world_gl", "intrinsic_cv"):
             np.testing.assert_array_equal(g["observation/front_camera"][key][()], f["observation/observer_camera"][key][()])
-    assert check_exports(tmp_path, out, "robotwin", [path]) == []
     with pytest.raises(
         ExportError, match=r"--front-camera: .* has no side; its cameras are head_camera, left_camera, observer_camera"
     ):

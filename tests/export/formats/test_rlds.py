@@ -3,15 +3,16 @@
 import io
 import json
 import struct
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
-import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from PIL import Image
 
 from pipeline.data.episode.file import open_episode
-from pipeline.export.formats.tfrecord import example, masked_crc, read_records, write_records
-from tests.export.running import check_exports, run
+from pipeline.export.formats.tfrecord import example, masked_crc, write_records
+from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
 
 PLACE = "domino_aloha_agilex/1.0.0"
@@ -46,6 +47,16 @@ def decoded(message: bytes) -> dict[str, list]:
     return {name: list(getattr(f, f.ListFields()[0][0].name).value) for name, f in features.items()}
 
 
+def read_records(path: Path) -> Iterator[bytes]:
+    """The messages of a TFRecord file, checksums compared."""
+    with path.open("rb") as f:
+        while head := f.read(12):
+            size, crc = struct.unpack("<QI", head)
+            body = f.read(size + 4)
+            assert masked_crc(head[:8]) == crc and masked_crc(body[:-4]) == struct.unpack("<I", body[-4:])[0]
+            yield body[:-4]
+
+
 def test_messages_are_read_by_protobuf():
     values = {"a": [b"x", b"y" * 300], "b": np.array([1.5, -2.25], np.float32), "c": np.array([0, -1, 2**40])}
     assert decoded(example(values)) == {"a": [b"x", b"y" * 300], "b": [1.5, -2.25], "c": [0, -1, 2**40]}
@@ -58,13 +69,6 @@ def test_checksums_are_crc32c(tmp_path):
     path = tmp_path / "r"
     assert write_records(path, [b"one", b"three"]) == [3, 5]
     assert list(read_records(path)) == [b"one", b"three"]
-    assert struct.unpack("<Q", path.read_bytes()[:8]) == (3,)
-    for at, what in ((2, "length"), (13, "a record"), (35, "a record")):
-        damaged = bytearray(path.read_bytes())
-        damaged[at] ^= 1
-        (tmp_path / "d").write_bytes(damaged)
-        with pytest.raises(ValueError, match=what):
-            list(read_records(tmp_path / "d"))
 
 
 def test_steps_are_the_frames(tmp_path):
@@ -87,8 +91,3 @@ def test_steps_are_the_frames(tmp_path):
             np.testing.assert_array_equal(depth, e.array("observation/head_camera/depth")[2])
             assert values["episode_metadata/level"] == [1]
             assert values["episode_metadata/file_path"] == [path.relative_to(tmp_path).as_posix().encode()]
-    assert check_exports(tmp_path, out, "rlds", paths) == []
-    (out / PLACE / names[1]).write_bytes((out / PLACE / names[0]).read_bytes())
-    (out / PLACE / "features.json").write_text("{}")
-    problems = check_exports(tmp_path, out, "rlds", paths)
-    assert [p.split(": ", 1)[1] for p in problems] == ["differs from its episodes", "does not describe the episodes"]

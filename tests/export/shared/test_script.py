@@ -9,7 +9,7 @@ import pytest
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.export.formats.lerobot.format import data_columns
 from pipeline.export.formats.parquet_table import Plan, episode_table
-from pipeline.export.shared.common import read_facts, reading
+from pipeline.export.shared.episodes import read_facts, reading
 from pipeline.export.shared.script import describe_runs, rows_of, script_of
 from pipeline.motion.paths import path_ahead
 from pipeline.run.verify.arrays import check_arrays

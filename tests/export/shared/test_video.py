@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, encode_frames
-from pipeline.export.shared.common import ExportError
+from pipeline.export.shared.episodes import ExportError
 from pipeline.export.shared.statistics import TOGETHER, PlaneCounts, color_counts
 from pipeline.export.shared.video import Codec, decoded_planes, encode, frames_of, limited, samples
 from pipeline.export.shared.video_file import Clip, VideoFile

@@ -9,7 +9,7 @@ import pytest
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export import EXPORTERS, Job
-from pipeline.export.shared.common import FAILURES, ExportError
+from pipeline.export.shared.episodes import FAILURES, ExportError
 from pipeline.motion.models import motion_from_json
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from

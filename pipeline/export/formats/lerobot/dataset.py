@@ -1,6 +1,7 @@
 """What the versions of the LeRobot format have in common: an export of datasets, and the writer of one."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.spec import EpisodeSpec
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.formats.lerobot.encoded import EncodedFile, Known
 from pipeline.export.formats.lerobot.format import (
@@ -23,9 +25,10 @@ from pipeline.export.formats.lerobot.format import (
 from pipeline.export.formats.lerobot.options import INDEX, LerobotOptions, datasets_of, index_row
 from pipeline.export.formats.lerobot.prepare import Prepared, Source, prepare_all
 from pipeline.export.formats.lerobot.reference import require_lerobot
-from pipeline.export.shared.common import ExportError, Facts, exported_cameras, same, write_json
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import ExportError, Facts, exported_cameras, same
 from pipeline.export.shared.provenance import Provenance
+from pipeline.export.shared.record import write_json
 from pipeline.export.shared.sensors import DEPTH
 from pipeline.export.shared.statistics import Stats, image_stats
 from pipeline.memory import freeze_garbage
@@ -37,41 +40,46 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
     version: str
 
     @abstractmethod
-    def writer(self, draft: Draft, root: Path, first: Facts, options: O) -> "Writer":
+    def writer(self, draft: ExportDraft, root: Path, first: Facts, options: O) -> "Writer":
         """A writer of one dataset at `root`, whose episodes must be like the first."""
 
-    def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out`. Raises ExportError for unreadable episodes, for images with an odd side, and for episodes of one dataset
-        that differ in fps, cameras, image size or joint names. Raises MissingLerobot."""
+    def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
+        """As Exporter's. Raises MissingLerobot."""
         require_lerobot()
         job.options.video()  # refused before anything is read
-        with freeze_garbage(), self.draft(job) as draft:
-            folder, known = draft.folder, Known(draft)
-            parts, index = {}, []
-            wanted = DEPTH in self.sensors(job.options)
-            for name, (root, paths) in datasets_of(job.episodes, folder, job.options.per_task).items():
-                writer: Writer | None = None
-                specs = []
-                try:
-                    hashes = ((path, draft.hash_of(path)) for path in paths)
-                    sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
-                    for prepared in prepare_all(sources, job.dataset, job.options, min(job.workers, len(paths)), wanted):
-                        episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
-                        writer = writer or self.writer(draft, root, episode.facts, job.options)
-                        writer.append(episode)
-                        specs.append(prepared.facts.spec)
-                        job.advance()
-                finally:
-                    if writer is not None:
-                        writer.close()
-                assert writer is not None
-                parts[name] = writer.finish()
-                index.append(index_row(root.relative_to(folder).as_posix(), parts[name], specs))
-            if len(parts) > 1 or job.options.per_task:
-                write_json(folder / INDEX, index)
-            values: dict[str, Any] = {"version": self.version, "embodiments": sorted({row["embodiment"] for row in index})}
-            values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
-            return self.summarize(folder, job, values | {"fps": {name: p["fps"] for name, p in parts.items()}})
+        parts, index = {}, []
+        with freeze_garbage():
+            known = Known(draft)
+            for name, (root, paths) in datasets_of(job.episodes, draft.folder, job.options.per_task).items():
+                parts[name], specs = self._write_dataset(job, draft, known, root, paths)
+                index.append(index_row(root.relative_to(draft.folder).as_posix(), parts[name], specs))
+        if len(parts) > 1 or job.options.per_task:
+            write_json(draft.folder / INDEX, index)
+        values: dict[str, Any] = {"version": self.version, "embodiments": sorted({row["embodiment"] for row in index})}
+        values |= {key: sum(p[key] for p in parts.values()) for key in ("episodes", "frames")}
+        return values | {"fps": {name: p["fps"] for name, p in parts.items()}}
+
+    def _write_dataset(
+        self, job: Job[O], draft: ExportDraft, known: Known, root: Path, paths: Sequence[Path]
+    ) -> tuple[dict[str, Any], list[EpisodeSpec]]:
+        """Write the dataset at `root`; returns its counts and the specs of its episodes."""
+        writer: Writer | None = None
+        specs = list[EpisodeSpec]()
+        try:
+            hashes = ((path, draft.hash_of(path)) for path in paths)
+            sources = (Source(path, sha, known.find(sha)) for path, sha in hashes)
+            depth = DEPTH in self.sensors(job.options)
+            for prepared in prepare_all(sources, job.dataset, job.options, min(job.workers, len(paths)), depth):
+                episode = replace(prepared, facts=padded(prepared.facts, job.options.pad))
+                writer = writer or self.writer(draft, root, episode.facts, job.options)
+                writer.append(episode)
+                specs.append(prepared.facts.spec)
+                job.advance()
+        finally:
+            if writer is not None:
+                writer.close()
+        assert writer is not None
+        return writer.finish(), specs
 
     def configs(self, folder: Path) -> list[dict[str, Any]]:
         """One configuration a dataset; none where there is one only, whose card lerobot has written."""
@@ -90,7 +98,7 @@ def padded(facts: Facts, width: int | None) -> Facts:
 class Writer(ABC):
     """One LeRobot dataset being written: append episodes, close, then finish. All episodes must be like the first."""
 
-    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> None:
         self.draft, self.root, self.first, self.codec = draft, root, first, options.video()
         self.names = exported_cameras(first, options.camera_names)
         self.features = features_of(first, self.codec, self.names)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.formats.lerobot.format import before_clock, image_key
-from pipeline.export.shared.common import Facts
+from pipeline.export.shared.episodes import Facts
 from pipeline.export.shared.sensors import DEPTH, coded_images, image_column
 from pipeline.export.shared.statistics import Stats, count_stats, sample_rows, thinning
 

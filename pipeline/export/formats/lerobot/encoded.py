@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.tables import RowWriter
 from pipeline.export.shared.video_file import Clip
 
@@ -45,7 +45,7 @@ def clip_name(sha: str, camera: str) -> str:
 class EncodedFile(RowWriter):
     """meta/domino_encoded.parquet of the dataset at `root`, written a row group at a time."""
 
-    def __init__(self, draft: Draft, root: Path) -> None:
+    def __init__(self, draft: ExportDraft, root: Path) -> None:
         self.draft, self.path = draft, root / ENCODED
         super().__init__(self.path, SCHEMA, ROWS_PER_GROUP)
 
@@ -69,11 +69,11 @@ class EncodedFile(RowWriter):
 class Known:
     """The videos that an older export lends, by the sha256 of their episode; reads a row group at a time."""
 
-    def __init__(self, draft: Draft) -> None:
+    def __init__(self, draft: ExportDraft) -> None:
         self.older = draft.older
         self._at: dict[str, tuple[Path, int]] = {}
         self._read: tuple[tuple[Path, int], list[dict[str, Any]]] | None = None
-        for name in sorted(name for name in self.older.files if name.endswith(ENCODED)):
+        for name in sorted(name for name in self.older.record.contents if name.endswith(ENCODED)):
             if path := self.older.sound(name):
                 file = pq.ParquetFile(path)
                 for group in range(file.num_row_groups):

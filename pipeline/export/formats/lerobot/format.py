@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
-from pipeline.export.shared.common import FAILURES, Facts
+from pipeline.export.shared.episodes import FAILURES, Facts
 from pipeline.export.shared.provenance import SCALAR_TYPES
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats

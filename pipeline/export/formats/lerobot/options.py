@@ -11,7 +11,7 @@ from pipeline.data.parsing import real
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.options import camera_names_option, one_of, option, whole
-from pipeline.export.shared.common import by_embodiment, group_episodes
+from pipeline.export.shared.episodes import by_embodiment, group_episodes
 from pipeline.export.shared.video import CODECS, Codec
 
 INDEX = "index.json"

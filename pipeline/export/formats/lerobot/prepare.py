@@ -19,7 +19,7 @@ import cv2
 from pipeline.export.formats.lerobot.depth import depth_images
 from pipeline.export.formats.lerobot.encoded import Encoded, clip_name
 from pipeline.export.formats.lerobot.options import LerobotOptions
-from pipeline.export.shared.common import ExportError, Facts, read_facts, reading
+from pipeline.export.shared.episodes import ExportError, Facts, read_facts, reading
 from pipeline.export.shared.statistics import PlaneCounts, sample_rows
 from pipeline.export.shared.video import decoded_planes, encode
 from pipeline.export.shared.video_file import Clip

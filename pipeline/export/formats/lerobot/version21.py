@@ -10,7 +10,7 @@ benchmarks/lerobot_v21.py has the last release that reads them do so.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +20,15 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from pipeline.export.exporter import register
-from pipeline.export.formats.lerobot.check import check_columns, check_described, check_features, check_images
 from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
-from pipeline.export.formats.lerobot.format import data_columns, data_table, description, image_key, split_of, widen
-from pipeline.export.formats.lerobot.options import LerobotOptions, datasets_of
+from pipeline.export.formats.lerobot.format import data_table, description, image_key, split_of
+from pipeline.export.formats.lerobot.options import LerobotOptions
 from pipeline.export.formats.lerobot.prepare import Prepared
 from pipeline.export.formats.lerobot.reference import data_schema, write_card
 from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK
-from pipeline.export.shared.common import ExportError, Facts, exported_cameras, judging, read_facts, reading, write_json
-from pipeline.export.shared.hashes import Draft
-from pipeline.export.shared.provenance import check_provenance
-from pipeline.export.shared.video import frames_of
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import ExportError, Facts
+from pipeline.export.shared.record import write_json
 from pipeline.export.shared.video_file import VideoFile
 
 VERSION = "v2.1"
@@ -48,7 +46,7 @@ def place(template: str, index: int, key: str = "") -> str:
 class V21Writer(Writer):
     """Version 2.1: files of every episode."""
 
-    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> None:
+    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> None:
         super().__init__(draft, root, first, options)
         self.schema = readable_by_old(data_schema(self.features))
         self.rows: list[dict[str, Any]] = []
@@ -143,55 +141,5 @@ class LerobotV21(LerobotExporter[LerobotOptions]):
     options = LerobotOptions
     version = VERSION
 
-    def writer(self, draft: Draft, root: Path, first: Facts, options: LerobotOptions) -> Writer:
+    def writer(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions) -> Writer:
         return V21Writer(draft, root, first, options)
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: LerobotOptions) -> list[str]:
-        """Counts, every number, tasks, and every decoded image must be the episode's."""
-        problems: list[str] = []
-        for root, paths in datasets_of(episodes, out, options.per_task).values():
-            with judging(root, problems):
-                problems += _check_dataset(dataset, root, paths, options)
-                problems += check_provenance(root / "meta" / "domino_episodes.parquet", dataset, paths, options.after_success)
-        return problems
-
-
-def _check_dataset(dataset: Path, root: Path, paths: Sequence[Path], options: LerobotOptions) -> list[str]:
-    info = json.loads((root / "meta/info.json").read_text())
-    width = len(info["features"]["action"]["names"])
-    rows = [json.loads(line) for line in (root / "meta/episodes.jsonl").read_text().splitlines()]
-    tasks = [json.loads(line)["task"] for line in (root / "meta/tasks.jsonl").read_text().splitlines()]
-    problems = check_features(root, info)
-    found = len(list((root / "data").rglob("*.parquet")))
-    for what, got in (("episodes", info["total_episodes"]), ("episode rows", len(rows)), ("data files", found)):
-        if got != len(paths):
-            problems.append(f"{root}: has {got} {what} for {len(paths)} episodes")
-    with reading(paths[0]) as file:
-        first = widen(read_facts(file, dataset), width)
-    with judging(root / "meta", problems):
-        problems += check_described(root, first, options.camera_names, len(paths))
-        stats = [json.loads(line) for line in (root / "meta/episodes_stats.jsonl").read_text().splitlines()]
-        if json.loads((root / "meta/stats.json").read_text()) != groot_stats(root, info["features"]):
-            problems.append(f"{root}/meta/stats.json: is not that of the data")
-        if [row["episode_index"] for row in stats] != list(range(len(paths))):
-            problems.append(f"{root}/meta/episodes_stats.jsonl: has not one row an episode")
-    start = 0
-    for index, (path, row) in enumerate(zip(paths, rows, strict=False)):
-        with reading(path) as file:
-            facts = widen(read_facts(file, dataset, options.after_success), width)
-            names = exported_cameras(facts, options.camera_names)
-            with judging(root, problems):
-                if row != {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}:
-                    problems.append(f"{root}: episode {index} is not {path}: its row has {row}")
-                task = tasks.index(facts.instruction) if facts.instruction in tasks else -1
-                columns, at = data_columns(facts, names, index, start, task), root / place(DATA_PATH, index)
-                problems += [f"{at}: {p} ({path.name})" for p in check_columns(at, index, columns)]
-            for camera, name in names.items():
-                mp4 = root / place(VIDEO_PATH, index, image_key(name))
-                with judging(mp4, problems):
-                    video = [(time, np.asarray(rgb)) for time, rgb in frames_of(mp4)]
-                    problems += [f"{mp4}: {p} ({path.name})" for p in check_images(file, camera, facts.kept, video, 0.0)]
-        start += facts.kept
-    if info["total_frames"] != start:
-        problems.append(f"{root}: has {info['total_frames']} frames, the episodes {start}")
-    return problems

@@ -10,7 +10,7 @@ open a dataset that has them. `--depth` adds the depth maps of every camera.
 File k of the data and file k of each video hold the same episodes.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.export.exporter import register
-from pipeline.export.formats.lerobot.check import check_v3
 from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
 from pipeline.export.formats.lerobot.depth import depth_columns, depth_counts, depth_key, depth_stats, with_depth
 from pipeline.export.formats.lerobot.format import (
@@ -32,12 +31,12 @@ from pipeline.export.formats.lerobot.format import (
     split_of,
 )
 from pipeline.export.formats.lerobot.language import EVENTS, PERSISTENT, language_columns, with_language
-from pipeline.export.formats.lerobot.options import MEGABYTE, LerobotV3Options, datasets_of
+from pipeline.export.formats.lerobot.options import MEGABYTE, LerobotV3Options
 from pipeline.export.formats.lerobot.prepare import Prepared
 from pipeline.export.formats.lerobot.reference import data_schema, write_meta
 from pipeline.export.formats.lerobot.tables import FILES_PER_CHUNK, Tables, chunk_file
-from pipeline.export.shared.common import ExportError, Facts
-from pipeline.export.shared.hashes import Draft
+from pipeline.export.shared.draft import ExportDraft
+from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.provenance import scalars
 from pipeline.export.shared.sensors import DEPTH
 from pipeline.export.shared.statistics import image_stats, vector_stats
@@ -50,7 +49,7 @@ ROWS_PER_GROUP = 100
 class V3Writer(Writer):
     """Version 3.0: many episodes a file."""
 
-    def __init__(self, draft: Draft, root: Path, first: Facts, options: LerobotV3Options) -> None:
+    def __init__(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options) -> None:
         super().__init__(draft, root, first, options)
         self.options = options
         if options.language:
@@ -172,12 +171,5 @@ class Lerobot(LerobotExporter[LerobotV3Options]):
     def sensors(self, options: LerobotV3Options) -> Collection[str]:
         return (DEPTH,) if options.depth else ()
 
-    def writer(self, draft: Draft, root: Path, first: Facts, options: LerobotV3Options) -> Writer:
+    def writer(self, draft: ExportDraft, root: Path, first: Facts, options: LerobotV3Options) -> Writer:
         return V3Writer(draft, root, first, options)
-
-    def compare(self, dataset: Path, out: Path, episodes: Sequence[Path], options: LerobotV3Options) -> list[str]:
-        """Counts, every number, times, tasks, provenance, and every decoded image must be the episode's."""
-        problems: list[str] = []
-        for root, paths in datasets_of(episodes, out, options.per_task).values():
-            problems += check_v3(dataset, root, paths, options)
-        return problems

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.episode.file import open_episode
 from pipeline.export.shared.video import frames_of
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}
@@ -187,7 +187,6 @@ def lerobot_resolves_the_language(lerobot, root):
 
     paths, out = sorted((root / "episodes").rglob("*.hdf5")), root / "language"
     run("lerobot", root, out, paths, language=True)
-    assert check_exports(root, out, "lerobot", paths) == []
     features = json.loads((out / "meta/info.json").read_text())["features"]
     assert {name: {**features[name], "shape": (1,)} for name in LANGUAGE_COLUMNS} == language_feature_info()
     loaded = lerobot.LeRobotDataset("domino/test", root=out, video_backend="pyav")

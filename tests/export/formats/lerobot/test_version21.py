@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.episode.file import open_episode
 from pipeline.export.shared.video import frames_of
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
 
 CAMERAS = {"cam_high": "head_camera", "cam_left_wrist": "left_camera", "cam_right_wrist": "right_camera"}
@@ -49,7 +49,6 @@ def test_round_trip_by_the_templates_of_info(tmp_path, episodes):
                 for (time, image), (t, want) in zip(frames_of(video), enumerate(e.frames(camera)), strict=True):
                     assert time == pytest.approx(t / 15) and np.abs(image.astype(int) - want).mean() < 3
             start += len(e)
-    assert check_exports(tmp_path, out, "lerobot-v2.1", episodes) == []
 
 
 def test_statistics_are_those_of_each_episode_in_the_shapes_asked_for(tmp_path, episodes):
@@ -75,20 +74,6 @@ def test_old_versions_of_datasets_understand_the_features(tmp_path, episodes):
     assert features["action"] == {"feature": {"dtype": "float32", "_type": "Value"}, "length": 14, "_type": "Sequence"}
 
 
-def test_check_sees_a_wrong_video_and_a_wrong_number(tmp_path, episodes):
-    out = tmp_path / "out"
-    run("lerobot-v2.1", tmp_path, out, episodes)
-    folder = out / "videos/chunk-000/observation.images.cam_high"
-    whole = (folder / "episode_000001.mp4").read_bytes()
-    (folder / "episode_000001.mp4").write_bytes((folder / "episode_000002.mp4").read_bytes())
-    assert ["video holds 6 images for 5 frames" in p for p in check_exports(tmp_path, out, "lerobot-v2.1", episodes)] == [True]
-    (folder / "episode_000001.mp4").write_bytes(whole)
-    file = out / "data/chunk-000/episode_000001.parquet"
-    table = pq.read_table(file)
-    pq.write_table(table.set_column(table.schema.get_field_index("frame_index"), "frame_index", [range(1, 6)]), file)
-    assert ["column frame_index differs" in p for p in check_exports(tmp_path, out, "lerobot-v2.1", episodes)] == [True]
-
-
 def test_statistics_of_all_frames_are_those_that_groot_would_make(tmp_path, episodes):
     out = tmp_path / "out"
     run("lerobot-v2.1", tmp_path, out, episodes)
@@ -104,6 +89,3 @@ def test_statistics_of_all_frames_are_those_that_groot_would_make(tmp_path, epis
         assert set(entry) == set(want)
         for key, value in want.items():
             np.testing.assert_allclose(entry[key], value, rtol=1e-4, atol=1e-6, err_msg=f"{name} {key}")
-    (out / "meta/stats.json").write_text(json.dumps(stats | {"action": stats["observation.state"]}))
-    problems = check_exports(tmp_path, out, "lerobot-v2.1", episodes)
-    assert len(problems) == 1 and problems[0].endswith("stats.json: is not that of the data")

@@ -3,15 +3,14 @@
 import json
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError
 from pipeline.export.formats.lerobot.options import datasets_of
-from pipeline.export.shared.video import Codec, encode, frames_of
-from tests.export.running import check_exports, run
+from pipeline.export.shared.video import frames_of
+from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
 
 HEAD = "observation.images.cam_high"
@@ -40,7 +39,6 @@ def test_counts_agree_everywhere(tmp_path, episodes):
     for camera in ("cam_high", "cam_left_wrist", "cam_right_wrist"):
         assert len(list(frames_of(out / f"videos/observation.images.{camera}/chunk-000/file-000.mp4"))) == 15
     assert all(f["names"] for n, f in info["features"].items() if "." in n or n == "action")
-    assert check_exports(tmp_path, out, "lerobot", episodes) == []
 
 
 def test_statistics_are_those_of_all_frames(tmp_path, episodes):
@@ -105,7 +103,6 @@ def test_data_and_videos_roll_over_together(tmp_path, limits, files):
         starts = [0 if new else 8 / 15 for new in (True, files[1] == 1, True)]
         assert [row[f"videos/{key}/from_timestamp"] for row in rows] == pytest.approx(starts)
     assert len(list((out / "data").rglob("*.parquet"))) == files[-1] + 1
-    assert check_exports(tmp_path, out, "lerobot", paths) == []
 
 
 def test_poses_and_contacts_are_features(tmp_path, episodes):
@@ -132,7 +129,6 @@ def test_other_camera_names(tmp_path, episodes):
         f"observation.images.{name}" for name in ("cam_left_wrist", "cam_right_wrist", "top")
     ]
     assert json.loads((out / "meta/modality.json").read_text())["video"]["top"] == {"original_key": "observation.images.top"}
-    assert check_exports(tmp_path, out, "lerobot", episodes[:1]) == []
     with pytest.raises(ExportError, match="--camera-names: there is no camera front"):
         run("lerobot", tmp_path, out, episodes, camera_names={"front": "top"})
 
@@ -149,7 +145,6 @@ def test_one_dataset_for_every_task_and_level(tmp_path, episodes):
     for row in index:
         info = json.loads((out / row["path"] / "meta/info.json").read_text())
         assert info["total_episodes"] == row["episodes"]
-    assert check_exports(tmp_path, out, "lerobot", [*episodes, other]) == []
 
 
 def test_a_large_embodiment_gets_a_dataset_for_every_level(tmp_path, episodes, monkeypatch):
@@ -168,7 +163,6 @@ def test_embodiments_become_datasets_of_their_own(tmp_path, episodes):
     info = json.loads((out / "franka-panda/meta/info.json").read_text())
     assert info["features"]["action"]["shape"] == [16] and len(info["features"]["action"]["names"]) == 16
     assert info["robot_type"] == "franka-panda" and info["total_episodes"] == 1
-    assert check_exports(tmp_path, out, "lerobot", [*episodes, franka]) == []
 
 
 def test_odd_pictures_are_refused(tmp_path, monkeypatch):
@@ -199,55 +193,16 @@ def test_other_encoders(tmp_path, episodes, options):
         options["crf"],
         2,
     )
-    if options["codec"] == "h264":
-        assert check_exports(tmp_path, tmp_path / "out", "lerobot", episodes) == []
+    for camera, name in (("head_camera", HEAD), ("left_camera", "observation.images.cam_left_wrist")):
+        sources = [image for path in episodes for image in frames(path, camera)]
+        shown = list(frames_of(tmp_path / f"out/videos/{name}/chunk-000/file-000.mp4"))
+        for t, ((time, image), source) in enumerate(zip(shown, sources, strict=True)):
+            assert time == pytest.approx(t / 15) and np.abs(image.astype(int) - source).mean() < 3
 
 
-def replace_video(out, episodes, change):
-    """Encode all head pictures of the dataset again after `change` has had its way with the list."""
-    pictures = []
-    for path in episodes:
-        with open_episode(path) as e:
-            pictures += list(e.frames("head_camera"))
-    (out / f"videos/{HEAD}/chunk-000/file-000.mp4").write_bytes(encode(change(pictures), 15, Codec()))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda p: [p[1], *p[1:]], "image 0 shows frame 1"),
-        (lambda p: [255 - f for f in p], "image 0 is off by"),
-        (lambda p: [*p, p[-1]], "has 1 images of no episode"),
-        (lambda p: p[:-1], "video holds 5 images for 6 frames"),
-    ],
-    ids=["shifted", "negative", "one too many", "one too few"],
-)
-def test_check_looks_at_the_pictures(tmp_path, change, message):
-    paths = [make_episode(episode_path(tmp_path, slot=i), slot=i, frames=4 + i) for i in range(3)]
-    out = tmp_path / "out"
-    run("lerobot", tmp_path, out, paths)
-    replace_video(out, paths, lambda p: p)
-    assert check_exports(tmp_path, out, "lerobot", paths) == []
-    replace_video(out, paths, change)
-    problems = check_exports(tmp_path, out, "lerobot", paths)
-    assert problems and message in problems[0]
-
-
-def test_check_looks_at_the_numbers(tmp_path, episodes):
-    out = tmp_path / "out"
-    run("lerobot", tmp_path, out, episodes)
-    file = out / "data/chunk-000/file-000.parquet"
-    table = pq.read_table(file)
-    column = table["target.velocity"].combine_chunks()
-    values = column.flatten().to_numpy().copy()
-    values[0] += 1e-4
-    changed = pa.FixedSizeListArray.from_arrays(pa.array(values), type=column.type)
-    pq.write_table(table.set_column(table.schema.get_field_index("target.velocity"), "target.velocity", changed), file)
-    problems = check_exports(tmp_path, out, "lerobot", episodes)
-    assert len(problems) == 1 and "column target.velocity differs" in problems[0]
-    info = json.loads((out / "meta/info.json").read_text())
-    (out / "meta/info.json").write_text(json.dumps({**info, "fps": 16}))
-    assert any("fps is 16, not 15" in p for p in check_exports(tmp_path, out, "lerobot", episodes))
+def frames(path, camera):
+    with open_episode(path) as e:
+        return list(e.frames(camera))
 
 
 @pytest.mark.parametrize("format", ["lerobot", "lerobot-v2.1"])
@@ -265,4 +220,3 @@ def test_episodes_end_so_long_after_the_success(tmp_path, episodes, format):
     assert cut == first.slice(0, lengths[0])
     video = min((short / "videos").rglob("*.mp4"))
     assert len(list(frames_of(video))) == (sum(lengths) if format == "lerobot" else lengths[0])
-    assert check_exports(tmp_path, short, format, episodes) == []

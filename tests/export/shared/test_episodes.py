@@ -1,11 +1,6 @@
-"""Atomic output, the order of episodes, bad input, and on which frame an event falls."""
+"""Whole exports or none, the order of episodes, bad input, and on which frame an event falls."""
 
 import gc
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -18,22 +13,17 @@ from hypothesis import strategies as st
 from pipeline.data.episode.state_log import Event
 from pipeline.data.errors import DominoError
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.store.lock import Busy
 from pipeline.export import EXPORTERS, ExportError
 from pipeline.export.formats.parquet_table import event_frames
-from pipeline.export.shared.common import (
-    SUMMARY,
+from pipeline.export.shared.episodes import (
     Facts,
     by_embodiment,
     choose_instruction,
-    foreign_files,
     read_facts,
     reading,
     sort_episodes,
-    stage_directory,
-    unlisted_files,
 )
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.full_disk import longest_file
 from tests.synthetic import episode_path, make_episode, make_log, make_meta, target_pose
 
@@ -110,7 +100,6 @@ def test_the_same_episodes_give_the_same_bytes_and_a_failing_export_leaves_the_o
     summary = run(format, dataset, first, paths[::-1], progress=done.append)
     assert sum(done) == summary["episodes"] == 2
     assert summary["frames"] == 8 and summary["format"] == format
-    assert json.loads((first / SUMMARY).read_text()) == summary
     run(format, dataset, second, paths)
     before = bytes_of(first)
     assert before.keys() == bytes_of(second).keys()
@@ -123,63 +112,6 @@ def test_the_same_episodes_give_the_same_bytes_and_a_failing_export_leaves_the_o
         run(format, dataset, first, paths, progress=fail)
     assert bytes_of(first) == before
     assert sorted(p.name for p in first.parent.iterdir()) == ["a", "b"]
-
-
-def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset):
-    out = dataset / "exports" / "x"
-    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True)
-    dead = out.with_name(f".x.{os.uname().nodename}.{done.stdout.strip()}.tmp")
-    dead.mkdir(parents=True)
-    (dead / "half").write_text("")
-    old = out.with_name(".x.old")
-    old.mkdir()
-    (old / SUMMARY).write_text("{}")
-    with stage_directory(out, dataset) as folder:
-        assert (out / SUMMARY).read_text() == "{}"  # the run killed between the two renames had an older export
-        (folder / SUMMARY).write_text("{1}")
-    assert (out / SUMMARY).read_text() == "{1}"
-    assert [p.name for p in out.parent.iterdir()] == ["x"]
-
-
-def test_an_export_is_replaced_by_one_command_at_a_time(dataset):
-    out = dataset / "exports" / "x"
-    with stage_directory(out, dataset) as folder:
-        (folder / SUMMARY).write_text("{}")
-    with stage_directory(out, dataset) as folder:
-        with pytest.raises(Busy, match="exports/x: another command is writing it"), stage_directory(out, dataset):
-            pass
-        (folder / SUMMARY).write_text("{1}")
-    assert (out / SUMMARY).read_text() == "{1}"
-    with stage_directory(out, dataset):
-        pass
-
-
-def test_what_is_no_export_is_not_replaced(dataset):
-    out = dataset / "exports" / "mine"
-    out.mkdir(parents=True)
-    (out / "thesis.txt").write_text("years of work")
-    with pytest.raises(ExportError, match="is not an export"), stage_directory(out, dataset):
-        pass
-    with pytest.raises(ExportError, match="is a file"), stage_directory(out / "thesis.txt", dataset):
-        pass
-    for above in (dataset, dataset.parent):
-        with pytest.raises(ExportError, match="holds the dataset"), stage_directory(above, dataset):
-            pass
-    assert (out / "thesis.txt").read_text() == "years of work"
-    shutil.rmtree(out)
-    out.mkdir()
-    with stage_directory(out, dataset) as folder:  # an empty directory may be
-        (folder / SUMMARY).write_text("{}")
-    assert (out / SUMMARY).exists()
-
-
-def test_an_export_of_another_format_is_not_replaced(dataset):
-    out = dataset / "x"
-    out.mkdir()
-    (out / SUMMARY).write_text('{"format": "aloha", "contents": ["export.json"]}')
-    with pytest.raises(ExportError, match=f"^{out}: holds an export in the format aloha: remove it or name another directory$"):
-        run("parquet", dataset, out, episodes_of(dataset))
-    assert [path.name for path in out.iterdir()] == [SUMMARY]
 
 
 def _truncate(path: Path) -> None:
@@ -246,13 +178,10 @@ def test_a_full_disk_is_one_line_that_blames_no_episode_and_leaves_nothing(datas
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
-def test_an_episode_of_one_frame_is_exported_and_one_that_is_missing_is_found(tmp_path, format):
-    path, other = (make_episode(episode_path(tmp_path, slot=slot), slot=slot, frames=1 + slot) for slot in range(2))
+def test_an_episode_of_one_frame_is_exported(tmp_path, format):
+    path = make_episode(episode_path(tmp_path), frames=1)
     out = tmp_path / "exports" / format
-    assert check_exports(tmp_path, out, format, [path]) != []
     assert run(format, tmp_path, out, [path])["frames"] == 1
-    assert check_exports(tmp_path, out, format, [path]) == []
-    assert check_exports(tmp_path, out, format, [path, other]) != []
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
@@ -275,42 +204,3 @@ def test_an_episode_that_names_a_path_is_refused_and_nothing_is_written(dataset,
     after = [p for p in sorted(tmp_path.rglob("*")) if p not in before]
     assert not [p for p in after if p.is_file()]
     assert not (tmp_path.parent / "x").exists()
-
-
-def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
-    make_episode(episode_path(tmp_path / "data"), frames=2)
-    for place in ("episodes", "episodes/click_bell/mine", "ledger", "assets/x"):
-        with pytest.raises(ExportError, match="among the dataset's own files"):
-            run("parquet", tmp_path / "data", tmp_path / "data" / place, episodes_of(tmp_path / "data"))
-    assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]
-
-
-def test_a_file_of_somebody_else_in_an_export_is_named_and_kept(dataset, tmp_path):
-    out = tmp_path / "parquet"
-    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
-    assert foreign_files(out) == []
-    run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
-    (out / "notes.txt").write_text("mine")
-    assert foreign_files(out) == [out / "notes.txt"]
-    with pytest.raises(ExportError, match=r"notes\.txt: is no part of the export"):
-        run("parquet", dataset, out, sorted(dataset.glob("episodes/**/*.hdf5")))
-    assert (out / "notes.txt").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    "name", ["meta/stats_gr00t.json", "meta/steps_0.pkl", "cache.pkl", ".cache/huggingface/x.metadata", "data/__pycache__/a.txt"]
-)
-def test_caches_of_consumers_are_dropped_by_the_next_export(dataset, tmp_path, name):
-    out, paths = tmp_path / "parquet", sorted(dataset.glob("episodes/**/*.hdf5"))
-    run("parquet", dataset, out, episodes_of(dataset))
-    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
-    (out / name).parent.mkdir(parents=True, exist_ok=True)
-    (out / name).write_text("of an older export")
-    assert foreign_files(out) == [] and check_exports(dataset, out, "parquet", paths) == []
-    run("parquet", dataset, out, episodes_of(dataset))
-    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
-
-
-def test_a_pickle_that_is_ours_is_no_cache(dataset, tmp_path):
-    run("puma-gt", dataset, tmp_path / "gt", sorted(dataset.glob("episodes/**/*.hdf5")))
-    assert unlisted_files(tmp_path / "gt") == [] and any((tmp_path / "gt").rglob("*.pkl"))

@@ -1,40 +1,24 @@
-"""What every exporter shares: one error, an atomic output directory, the order of episodes, and the facts one episode carries."""
+"""The episodes of an export: their order and groups, and the facts that one carries."""
 
-import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.data.atomic import atomic_directory, sweep
-from pipeline.data.disk import refusal
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import exported_names
-from pipeline.data.parsing import parse_json
-from pipeline.data.reading import read_regular
 from pipeline.data.spec import EpisodeSpec
-from pipeline.data.store.lock import exclusive
-from pipeline.export.shared.contents import is_cache, strangers
 
-SUMMARY = "export.json"
 EPISODES, FAILURES = "episodes", "failures"
 """Splits of a dataset: what is exported where nothing else is said, and the failed attempts that are kept."""
-
-SOURCES = "sources.json"
-"""What the files of an export were made from (`reuse`)."""
-
-OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
-"""Directories of a dataset that nothing else may be written to."""
 
 CLOCK_TOLERANCE = 1e-6  # s
 Progress = Callable[[int], object] | None
@@ -135,22 +119,6 @@ def reading(path: Path) -> Iterator[EpisodeFile]:
         raise ExportError(f"{path}: is not a complete episode ({error}); delete it and run the build again") from error
 
 
-EXPORT_FAULTS = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError)
-"""What readers of other formats raise for a damaged file."""
-
-
-@contextmanager
-def judging(place: Path, problems: list[str]) -> Iterator[None]:
-    """Within `reading`, around all that reads an export: what goes wrong there is a problem of the export at `place`.
-
-    What is wrong with the episode comes out as EpisodeError or ExportError as before.
-    """
-    try:
-        yield
-    except (*EXPORT_FAULTS, pa.ArrowException) as error:
-        problems.append(f"{place}: cannot be read ({' '.join(str(error).split())[:200]})")
-
-
 def read_facts(file: EpisodeFile, dataset: Path, after_success: float | None = None) -> Facts:
     """Everything but the images of an open episode, which is exported until `after_success` seconds after its success, if given.
 
@@ -239,65 +207,3 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
         return exported_names(facts.cameras, given)
     except ValueError as error:
         raise ExportError(f"--camera-names: {error}") from error
-
-
-def read_summary(out: Path) -> dict[str, Any]:
-    """export.json of an export. Raises ExportError if it cannot be read."""
-    try:
-        return dict(parse_json(read_regular(out / SUMMARY)))
-    except (OSError, ValueError, TypeError) as error:
-        raise ExportError(f"{out}: has no readable {SUMMARY} ({error})") from error
-
-
-def foreign_files(out: Path) -> list[Path]:
-    """Files in the directory of an export that are neither part of it nor a cache of what reads it, sorted."""
-    return [path for path in unlisted_files(out) if not is_cache(out, path)]
-
-
-def unlisted_files(out: Path) -> list[Path]:
-    """Files in the directory of an export that are no part of it, sorted; [] where its export.json does not name its files."""
-    try:
-        names = read_summary(out).get("contents")
-    except ExportError:
-        return []
-    return strangers(out, names) if isinstance(names, list) else []
-
-
-def json_text(value: Any) -> str:
-    """Indented JSON, keys sorted, newline at the end."""
-    return json.dumps(value, indent=2, sort_keys=True) + "\n"
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Write `json_text`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json_text(value))
-
-
-@contextmanager
-def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
-    """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
-
-    An existing export at `out` is replaced only then. Raises ExportError if `out` is something else than an export, or holds
-    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses,
-    and Busy if another command is replacing that export.
-    """
-    out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
-    if out.exists() and not out.is_dir():
-        raise ExportError(f"{out}: is a file; name a directory")
-    real = out.resolve()
-    if here.is_relative_to(real):
-        raise ExportError(f"{out}: holds the dataset itself; name another directory")
-    if any(real.is_relative_to(here / own) for own in OWN):
-        raise ExportError(f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports, or elsewhere")
-    if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
-        raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
-    if foreign := foreign_files(out):
-        raise ExportError(f"{foreign[0]}: is no part of the export that stands there; move it away or name another directory")
-    try:
-        sweep(out.parent, f".{out.name}.*.tmp")
-        # what stands there lends its files (reuse.py): they must be those that were judged
-        with exclusive(out) if out.is_dir() else nullcontext(), atomic_directory(out) as temporary:
-            yield temporary
-    except OSError as error:
-        raise ExportError(f"{out}: cannot be written: {refusal(error)}; nothing was changed there: export again") from error

@@ -2,15 +2,22 @@
 
 import hashlib
 import json
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from pipeline.data.keys import file_hash
-from pipeline.export import EXPORTERS
+from pipeline.data.sealed import seal
+from pipeline.data.store.lock import Busy
+from pipeline.export import EXPORTERS, ExportError
 from pipeline.export.formats.lerobot import prepare
-from pipeline.export.shared import hashes
-from pipeline.export.shared.common import SOURCES
+from pipeline.export.shared import draft
+from pipeline.export.shared.draft import stage_directory
+from pipeline.export.shared.record import SUMMARY
 from tests.export.running import run
 from tests.synthetic import episode_path, make_episode
 
@@ -62,7 +69,7 @@ def test_more_episodes_at_the_end_leave_all_that_is_about_the_first(dataset, tmp
     about = {n.replace("-of-00002", "-of-00003") for n in about}
     assert len(about) >= 2 and about <= kept(first, second)
     assert "export.json" not in kept(first, second)
-    said = json.loads(second[SOURCES][0])["episodes"]
+    said = json.loads(second[SUMMARY][0])["inputs"]
     assert said == {f"episodes/click_bell/aloha-agilex/L1/clean/episode_{i:07d}.hdf5": said_of(dataset, i) for i in range(3)}
 
 
@@ -105,7 +112,7 @@ def test_other_options_and_other_code_lend_nothing(dataset, tmp_path, monkeypatc
         encoded.clear()
         run("lerobot", dataset, out, [path], **options)
         assert len(encoded) == count
-    monkeypatch.setattr(hashes, "code", lambda: {"code": "another"})
+    monkeypatch.setattr(draft, "code", lambda: {"code": "another"})
     encoded.clear()
     run("lerobot", dataset, out, [path], crf=24)
     assert len(encoded) == 3
@@ -118,25 +125,93 @@ def test_what_is_damaged_or_not_its_own_is_written_again(dataset, tmp_path, form
     run(format, dataset, empty, [path])
     large = next(p for p in sorted(out.rglob("*")) if p.suffix in (".mp4", ".hdf5") or p.name == "data-00000.parquet")
     large.write_bytes(large.read_bytes()[:-1] + b"x")
-    said = json.loads((out / SOURCES).read_text())
+    said = json.loads((out / SUMMARY).read_text())
     name = large.relative_to(out).as_posix()
     run(format, dataset, out, [path])
     assert large.read_bytes() == (empty / name).read_bytes()
-    # an export may come from anywhere: its list of files names no file of somebody else
+    # an export may come from anywhere: a link in it lends no file of somebody else
     secret = tmp_path / "secret"
     secret.write_bytes(b"mine")
-    entry = said["files"].pop(name)
-    said["files"]["../secret"] = entry | {"sha256": file_hash(secret)}
+    said["contents"][name]["sha256"] = file_hash(secret)
     large.unlink()
-    (out / SOURCES).write_text(json.dumps(said))
+    large.symlink_to(secret)
+    (out / SUMMARY).write_bytes(seal(said))
     run(format, dataset, out, [path])
-    assert large.read_bytes() == (empty / name).read_bytes() and secret.read_bytes() == b"mine"
+    assert large.read_bytes() == (empty / name).read_bytes() and secret.read_bytes() == b"mine" and not large.is_symlink()
 
 
 def test_an_annotation_that_changed_is_joined_again(dataset, tmp_path, monkeypatch):
     path, out = episode_path(dataset), tmp_path / "out"
     run("parquet", dataset, out, [path])
     before = state(out)
-    monkeypatch.setattr("pipeline.export.formats.parquet.annotation_hashes", lambda *_: ["another"])
+    monkeypatch.setattr("pipeline.export.formats.parquet._item", lambda *_: ["another"])
     run("parquet", dataset, out, [path])
-    assert state(out)[SOURCES] != before[SOURCES]
+    assert state(out)["data-00000.parquet"][0] == before["data-00000.parquet"][0] and state(out)[SUMMARY] != before[SUMMARY]
+
+
+RECORD, OTHER = (seal({"format": "aloha", "code": {}, "inputs": {}, "contents": {}, "x": x}).decode() for x in (1, 2))
+
+
+def test_killed_exports_are_swept_away_and_a_half_done_swap_is_completed(dataset):
+    out = dataset / "exports" / "x"
+    done = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True)
+    dead = out.with_name(f".x.{os.uname().nodename}.{done.stdout.strip()}.tmp")
+    dead.mkdir(parents=True)
+    (dead / "half").write_text("")
+    old = out.with_name(".x.old")
+    old.mkdir()
+    (old / SUMMARY).write_text(RECORD)
+    with stage_directory(out, dataset) as folder:
+        assert (out / SUMMARY).read_text() == RECORD  # the run killed between the two renames had an older export
+        (folder / SUMMARY).write_text(OTHER)
+    assert (out / SUMMARY).read_text() == OTHER
+    assert [p.name for p in out.parent.iterdir()] == ["x"]
+
+
+def test_an_export_is_replaced_by_one_command_at_a_time(dataset):
+    out = dataset / "exports" / "x"
+    with stage_directory(out, dataset) as folder:
+        (folder / SUMMARY).write_text(RECORD)
+    with stage_directory(out, dataset) as folder:
+        with pytest.raises(Busy, match="exports/x: another command is writing it"), stage_directory(out, dataset):
+            pass
+        (folder / SUMMARY).write_text(OTHER)
+    assert (out / SUMMARY).read_text() == OTHER
+    with stage_directory(out, dataset):
+        pass
+
+
+def test_what_is_no_export_is_not_replaced(dataset):
+    out = dataset / "exports" / "mine"
+    out.mkdir(parents=True)
+    (out / "thesis.txt").write_text("years of work")
+    with pytest.raises(ExportError, match="is not an export"), stage_directory(out, dataset):
+        pass
+    with pytest.raises(ExportError, match="is a file"), stage_directory(out / "thesis.txt", dataset):
+        pass
+    for above in (dataset, dataset.parent):
+        with pytest.raises(ExportError, match="holds the dataset"), stage_directory(above, dataset):
+            pass
+    assert (out / "thesis.txt").read_text() == "years of work"
+    shutil.rmtree(out)
+    out.mkdir()
+    with stage_directory(out, dataset) as folder:  # an empty directory may be
+        (folder / SUMMARY).write_text(RECORD)
+    assert (out / SUMMARY).exists()
+
+
+def test_an_export_of_another_format_is_not_replaced(dataset):
+    out = dataset / "x"
+    out.mkdir()
+    (out / SUMMARY).write_text(RECORD)
+    with pytest.raises(ExportError, match=f"^{out}: holds an export in the format aloha: remove it or name another directory$"):
+        run("parquet", dataset, out, [episode_path(dataset)])
+    assert [path.name for path in out.iterdir()] == [SUMMARY]
+
+
+def test_no_export_is_written_among_the_files_of_the_dataset(tmp_path):
+    make_episode(episode_path(tmp_path / "data"), frames=2)
+    for place in ("episodes", "episodes/click_bell/mine", "ledger", "assets/x"):
+        with pytest.raises(ExportError, match="among the dataset's own files"):
+            run("parquet", tmp_path / "data", tmp_path / "data" / place, [episode_path(tmp_path / "data")])
+    assert [p.name for p in (tmp_path / "data").iterdir()] == ["episodes"]

@@ -1,0 +1,193 @@
+"""An export while it is written, and what it takes over from the older one at its place.
+
+A dataset that grew is exported again at the price of what is new: a file that would be made from the same by the same code and
+options is linked into the new export if its bytes are still those; so is every other file that came out the same. An export is
+always, byte for byte, what one to an empty directory would be; files that do not change keep their inode and time.
+"""
+
+import functools
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from pipeline.data.atomic import atomic_directory, sweep
+from pipeline.data.disk import refusal
+from pipeline.data.keys import digest, file_hash
+from pipeline.data.store.lock import exclusive
+from pipeline.data.store.mirror import fetch_below, mirror_of
+from pipeline.export.shared.episodes import ExportError, source_of
+from pipeline.export.shared.record import SUMMARY, ExportRecord, entries, read_record
+
+OWN = ("episodes", "failures", "ledger", "assets", "annotations", "report")
+"""Directories of a dataset that nothing else may be written to."""
+
+ROOMS = ("data", "export", "motion")
+"""Packages whose code decides the bytes of exports, beside poses.py."""
+
+PACKAGES = ("av", "h5py", "lerobot", "numpy", "opencv-python-headless", "pandas", "pyarrow")
+
+
+@functools.cache
+def code() -> dict[str, str]:
+    """Hash of the code that writes exports, and versions of the packages it uses."""
+    root, h = Path(__file__).parents[2], hashlib.sha256()
+    for path in sorted([root / "poses.py", *(file for room in ROOMS for file in (root / room).rglob("*.py"))]):
+        h.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    versions = {}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return {"code": h.hexdigest(), **versions}
+
+
+class OlderExport:
+    """The export at `root` that a new one replaces: it lends nothing if it was made with other options or code, or there is none.
+
+    Raises ExportError for a damaged one and for one of another format.
+    """
+
+    def __init__(self, root: Path, format_: str, options: Mapping[str, Any]) -> None:
+        fetch_below(root)
+        self.root, self._sound = root, dict[str, bool]()
+        self.record = ExportRecord(root, {}, {}, {}, {})
+        if (root / SUMMARY).exists():
+            found = read_record(root)
+            if (other := found.summary.get("format")) != format_:
+                name = str(other)[:40]
+                raise ExportError(f"{root}: holds an export in the format {name}: remove it or name another directory")
+            if digest([found.summary.get("options"), found.code]) == digest([options, code()]):
+                self.record = found
+        self._names = {entry["from"]: name for name, entry in self.record.contents.items() if "from" in entry}
+
+    def made_from(self, key: str) -> str | None:
+        """Name of a file that was made from that and is as it was written, or None."""
+        name = self._names.get(key)
+        return name if name is not None and self.sound(name) else None
+
+    def sound(self, name: str) -> Path | None:
+        """A file by its relative name if its bytes are those that were written, or None."""
+        if name not in self._sound:
+            self._sound[name] = name in self.record.contents and self.record.problem(name) is None
+        return self.root / name if self._sound[name] else None
+
+
+class ExportDraft:
+    """An export of `dataset` while it is written to `folder`, before it becomes `out`.
+
+    Take over what the older export has by `keep`, record what is written by `record`.
+    """
+
+    def __init__(self, folder: Path, out: Path, dataset: Path, format_: str, options: Mapping[str, Any]) -> None:
+        self.folder, self.out, self.dataset = folder, out, dataset
+        self.older = OlderExport(out, format_, options)
+        self._inputs: dict[str, str | None] = {}
+        self._contents: dict[str, dict[str, Any]] = {}
+
+    def hash_of(self, path: Path) -> str:
+        """sha256 of a file of the dataset, recorded as an input. Raises ExportError for one that cannot be read."""
+        name = source_of(path, self.dataset)
+        if (known := self._inputs.get(name)) is not None:
+            return known
+        try:
+            self._inputs[name] = sha = file_hash(path)
+        except OSError as error:
+            raise ExportError(f"{path}: cannot be read ({error.strerror}); make it again") from error
+        return sha
+
+    def hash_if_there(self, path: Path) -> str | None:
+        """As `hash_of`, None for a file that is not there, which is recorded too."""
+        if path.exists():
+            return self.hash_of(path)
+        self._inputs[source_of(path, self.dataset)] = None
+        return None
+
+    def keep(self, path: Path, made_from: Any) -> Mapping[str, Any] | None:
+        """The entry of the older export's file that was made from the same (plain data), which then is at `path`, too; or None."""
+        key = digest([_kind(path), made_from])
+        older = self.older.made_from(key)
+        if older is None:
+            return None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _link(self.older.root / older, path)
+        if older != self._name(path) and mirror_of(self.out):
+            os.utime(path)  # an object of that name has other bytes
+        self._contents[self._name(path)] = entry = dict(self.older.record.contents[older])
+        return entry
+
+    def record(self, path: Path, made_from: Any, **facts: Any) -> None:
+        """Record what a written file was made from; `facts` are stored with it."""
+        self._contents[self._name(path)] = {"from": digest([_kind(path), made_from]), **_entry(path), **facts}
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.folder).as_posix()
+
+    def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
+        """Write export.json, and take over every other file that the older export has with the same name and bytes.
+
+        Returns the summary with the bytes of all files."""
+        for name in entries(self.folder):
+            if name not in self._contents:
+                self._contents[name] = _entry(self.folder / name)
+        whole = {**summary, "bytes": sum(entry["bytes"] for entry in self._contents.values())}
+        ExportRecord(self.folder, whole, code(), self._inputs, self._contents).write()
+        for name, entry in self._contents.items():
+            path, older = self.folder / name, self.older.sound(name)
+            if older and not os.path.samefile(older, path) and file_hash(older) == entry["sha256"]:
+                path.unlink()
+                _link(older, path)
+        before, path = self.out / SUMMARY, self.folder / SUMMARY
+        if self.older.record.contents and before.read_bytes() == path.read_bytes():
+            path.unlink()
+            _link(before, path)
+        return whole
+
+
+def _entry(path: Path) -> dict[str, Any]:
+    return {"sha256": file_hash(path), "bytes": path.stat().st_size}
+
+
+def _kind(path: Path) -> str:
+    """The suffix of a file without what numbers it: ".tfrecord" of a.tfrecord-00000-of-00002."""
+    return path.suffix.partition("-")[0]
+
+
+def _link(older: Path, path: Path) -> None:
+    """Make `path` the same file, or where the file system has no links, a copy with the same time."""
+    try:
+        os.link(older, path)
+    except OSError:
+        shutil.copy2(older, path)
+
+
+@contextmanager
+def stage_directory(out: Path, dataset: Path) -> Iterator[Path]:
+    """A temporary directory beside `out` that becomes `out` when the block ends well and vanishes when it does not.
+
+    An existing export at `out` is replaced only then. Raises ExportError if `out` is something else than an export, or holds
+    files that are no part of it, contains the dataset or lies among its own files, or the disk refuses,
+    and Busy if another command is replacing that export.
+    """
+    out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
+    if out.exists() and not out.is_dir():
+        raise ExportError(f"{out}: is a file; name a directory")
+    real = out.resolve()
+    if here.is_relative_to(real):
+        raise ExportError(f"{out}: holds the dataset itself; name another directory")
+    if any(real.is_relative_to(here / own) for own in OWN):
+        raise ExportError(f"{out}: lies among the dataset's own files; name a directory below {dataset}/exports, or elsewhere")
+    if out.exists() and any(out.iterdir()) and not (out / SUMMARY).exists():
+        raise ExportError(f"{out}: is not an export (it has no {SUMMARY}); remove it or name another directory")
+    if (out / SUMMARY).exists() and (foreign := read_record(out).foreign()):
+        raise ExportError(f"{foreign[0]}: is no part of the export that stands there; move it away or name another directory")
+    try:
+        sweep(out.parent, f".{out.name}.*.tmp")
+        # what stands there lends its files: they must be those that were judged
+        with exclusive(out) if out.is_dir() else nullcontext(), atomic_directory(out) as temporary:
+            yield temporary
+    except OSError as error:
+        raise ExportError(f"{out}: cannot be written: {refusal(error)}; nothing was changed there: export again") from error

@@ -1,0 +1,152 @@
+"""export.json: what an export says of itself, and whether its directory and the dataset still agree with it."""
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from pipeline.data.keys import file_hash
+from pipeline.data.parsing import parse_json
+from pipeline.data.reading import IRREGULAR, read_regular
+from pipeline.data.sealed import SEAL, is_unchanged, seal
+from pipeline.export.shared.episodes import ExportError, source_of
+
+SUMMARY = "export.json"
+PARTS = ("code", "inputs", "contents")
+"""Keys of export.json beside the summary."""
+
+AGAIN = "remove the directory and export again"
+
+CACHE_FOLDERS = {".cache", "__pycache__", ".ipynb_checkpoints"}
+CACHE_SUFFIXES = {".pkl", ".pyc", ".lock"}
+CACHE_NAMES = re.compile(r"(.*/)?meta/[^/]*stats[^/]*\.json|(.*/)?(\.DS_Store|Thumbs\.db)")
+"""Training code writes caches into the dataset that it reads (StarVLA meta/stats_gr00t.json and meta/steps_*.pkl, the hub's
+client .cache/). They are out of date when the export changes: nothing keeps, checks or publishes them."""
+
+
+@dataclass(frozen=True)
+class ExportRecord:
+    """The export.json of the export at `root`.
+
+    `summary` holds format, options and counts; `code` the hash of the code that wrote the export and versions of packages;
+    `inputs` the sha256 of every file that it was made from, by its name in the dataset (None: there was no such file);
+    `contents` the entry of every written file by name: sha256, bytes, and what a later export needs to take it over.
+    """
+
+    root: Path
+    summary: Mapping[str, Any]
+    code: Mapping[str, str]
+    inputs: Mapping[str, str | None]
+    contents: Mapping[str, Mapping[str, Any]]
+
+    def write(self) -> None:
+        """Write export.json."""
+        (self.root / SUMMARY).write_bytes(seal({**self.summary, **{part: getattr(self, part) for part in PARTS}}) + b"\n")
+
+    def problem(self, name: str) -> str | None:
+        """What is wrong with a file that the export wrote: "is missing", for example. Cards may be edited."""
+        path = self.root / name
+        try:
+            if path.is_symlink() or path.resolve() != self.root.resolve() / name:
+                return "is a link, not what was written"
+            if not path.exists():
+                return "is missing"
+            edited = name.endswith(".md") and path.is_file()
+            return None if edited or file_hash(path) == self.contents[name]["sha256"] else "is not what was written"
+        except OSError as error:
+            return IRREGULAR if error.strerror == IRREGULAR else f"cannot be read ({error.strerror})"
+
+    def unlisted(self) -> list[str]:
+        """Names of what is in the directory and was not written by the export, sorted."""
+        return sorted({*entries(self.root)} - {*self.contents, SUMMARY})
+
+    def foreign(self) -> list[Path]:
+        """The unlisted files that are no cache of what reads the export."""
+        return [self.root / name for name in self.unlisted() if not is_cache(name)]
+
+    def check(self, dataset: Path, episodes: Sequence[Path]) -> list[str]:
+        """Compare the export with its directory and with the episodes that it should hold, by hashes; returns the problems."""
+        found = [(name, self.problem(name)) for name in sorted(self.contents)]
+        problems = [f"{self.root / name}: {problem}" for name, problem in found if problem]
+        now = {source_of(path, dataset): path for path in episodes}
+        for name, sha in self.inputs.items():
+            annotation = dataset / name if name.startswith("annotations/") else None
+            path = now.get(name, annotation)
+            if path is None:
+                problems.append(f"{self.root}: holds {name}, which is not among the episodes")
+            elif path.exists() and _hash(path) != sha:
+                problems.append(f"{self.root}: {path} has changed since")
+        return problems + [f"{self.root}: does not hold {path}" for name, path in now.items() if name not in self.inputs]
+
+
+def _hash(path: Path) -> str | None:
+    try:
+        return file_hash(path)
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
+    """The problems of the export at `out`, [] when all is well: `ExportRecord.check` for one that may be damaged."""
+    try:
+        return read_record(out).check(dataset, episodes)
+    except ExportError as error:
+        return [str(error)]
+
+
+def read_record(out: Path) -> ExportRecord:
+    """The record of an export. Raises ExportError if it cannot be read or is of another version."""
+    summary = read_summary(out)
+    sealed, _ = is_unchanged(summary), summary.pop(SEAL, None)
+    code, inputs, contents = parts = [summary.pop(part, None) for part in PARTS]
+    whole = all(isinstance(part, dict) for part in parts) and all(map(_is_plain, {**inputs, **contents}))
+    if not whole or not all(map(_is_entry, contents.values())):
+        raise ExportError(f"{out}: its {SUMMARY} is of another version; {AGAIN}")
+    if not sealed:
+        raise ExportError(f"{out}: its {SUMMARY} is not what was written; {AGAIN}")
+    return ExportRecord(out, summary, code, inputs, contents)
+
+
+def _is_plain(name: str) -> bool:
+    return bool(name) and not name.startswith("/") and ".." not in name.split("/")
+
+
+def _is_entry(entry: Any) -> bool:
+    return isinstance(entry, dict) and isinstance(entry.get("sha256"), str) and isinstance(entry.get("bytes"), int)
+
+
+def read_summary(out: Path) -> dict[str, Any]:
+    """export.json of an export. Raises ExportError if it cannot be read."""
+    try:
+        if (out / SUMMARY).is_symlink():
+            raise ValueError("it is a link")
+        return dict(parse_json(read_regular(out / SUMMARY)))
+    except (OSError, ValueError, TypeError) as error:
+        raise ExportError(f"{out}: has no readable {SUMMARY} ({error}); {AGAIN}") from error
+
+
+def entries(folder: Path) -> Iterator[str]:
+    """Names of all that is below a directory but directories, relative; links are not followed."""
+    for place, folders, files in os.walk(folder):
+        for name in (*files, *(each for each in folders if os.path.islink(os.path.join(place, each)))):
+            yield Path(place, name).relative_to(folder).as_posix()
+
+
+def is_cache(name: str) -> bool:
+    """Whether a file of that relative name, which the export did not write, is a cache of a consumer."""
+    path = PurePosixPath(name)
+    return bool(CACHE_FOLDERS & {*path.parts} or path.suffix in CACHE_SUFFIXES or CACHE_NAMES.fullmatch(name))
+
+
+def json_text(value: Any) -> str:
+    """Indented JSON, keys sorted, newline at the end."""
+    return json.dumps(value, indent=2, sort_keys=True) + "\n"
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `json_text`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json_text(value))
