@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError
-from tests.export.running import check_exports, run
+from tests.export.running import run
 from tests.synthetic import SPIN, episode_path, make_episode
 
 FORMATS = ("aloha", "lerobot", "lerobot-v2.1", "parquet", "robomimic", "robotwin", "xpolicylab")
@@ -19,7 +19,6 @@ def exported(format: str, folder: Path, **of_episode: bool) -> np.ndarray | None
     """Angular velocities (T,3) of the target in an export of one episode, None where it has none."""
     path = make_episode(episode_path(folder), frames=4, **of_episode)
     run(format, folder, folder / "out", [path])
-    assert check_exports(folder, folder / "out", format, [path]) == []
     if format in ("lerobot", "lerobot-v2.1", "parquet"):
         table = pq.read_table(next(p for p in (folder / "out").rglob("*.parquet") if "data" in str(p.relative_to(folder / "out"))))
         column = next((name for name in table.column_names if name.endswith("angular_velocity")), None)
