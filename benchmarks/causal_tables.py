@@ -37,9 +37,12 @@ COLUMNS = (
     "second, %",
     "difference, points (95 %, scenes)",
     "(95 %, networks too)",
-    "p",
+    "p (scenes, given the networks)",
     "p (Holm)",
 )
+
+FEWEST = 3
+"""Networks an arm below which no interval over networks is printed: two show no spread."""
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -128,7 +131,7 @@ def contrasts(rows: Sequence[Row], wanted: Iterable[Contrast]) -> Iterator[tuple
         low, high = interval({contrast.task: one - other})
         p = sign_flip([round(d) for d in (one - other) * len(seeds)])
         effect = f"{round(100 * np.mean(one - other), 1) + 0.0:+.1f} ({100 * low:+.0f} to {100 * high:+.0f})"
-        wider = "{:+.0f} to {:+.0f}".format(*redraw_all(solved)) if len(seeds) > 1 else "one network"
+        wider = "{:+.0f} to {:+.0f}".format(*redraw_all(solved)) if len(seeds) >= FEWEST else "too few networks"
         yield [contrast, len(seeds), f"{100 * one.mean():.1f}", f"{100 * other.mean():.1f}", effect, wider, f"{p:.2g}"], p
 
 
