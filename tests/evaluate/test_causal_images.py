@@ -51,7 +51,7 @@ def test_contrasts_are_of_the_seeds_that_both_arms_have():
     # two scenes won and none lost: half of all sign patterns are as far from 0
     assert line[1:4] == [1, "75.0", "25.0"]
     assert str(line[4]).startswith("+50.0 ")
-    assert line[5] == "one network"
+    assert line[5] == "too few networks"
     assert p == pytest.approx(0.5)
 
 
