@@ -62,6 +62,18 @@ def test_level_2_passes_control_points_beside_the_chord():
             assert TABLE.contains(point).all()
 
 
+@pytest.mark.parametrize(("level", "noise"), [(2, 0.1), (3, 0.08)])
+def test_inner_control_points_are_beside_the_chord_by_any_share_of_the_noise(level, noise):
+    """Of curves through three points, in a workspace whose edges no control point meets."""
+    paths = DRAW[level](np.random.default_rng(13), 4000, 0.1, 6.0, END, Workspace(-3, 3, -3, 3))
+    c = paths.coefficients[:, 0]
+    middle = c[(c[..., 2] != 0).all(-1) & (c[..., 3:] == 0).all((-1, -2))]
+    beside = evaluate(middle, 0.5) - (evaluate(middle, 0.0) + evaluate(middle, 1.0)) / 2
+    assert len(middle) > 700
+    for axis in beside.T:
+        assert kstest(axis / noise, "uniform", args=(-1, 2)).pvalue > 1e-3
+
+
 def test_level_3_pieces_join_and_add_up():
     n, alpha, total = 2000, 0.1, 4.0
     paths = draw_level_3(np.random.default_rng(9), n, alpha, total, END, TABLE)

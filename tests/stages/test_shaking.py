@@ -1,5 +1,8 @@
 """A recorded episode of shake_bottle: what its state log says of velocities and of the arm agrees with what happened."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from pipeline.poses import quat_conjugate, quat_multiply, rotation_vector
 from pipeline.stages.attempt import Phases, attempt
 
 FPS = 60
+PAGE = Path(__file__).parents[2] / "docs/fidelity.md"
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +38,19 @@ def test_velocities_of_the_shaken_bottle_are_the_differences_of_its_pose(log):
     assert np.median(off(log.target_velocity, moved)[shaken]) < 0.005
     assert np.quantile(off(log.target_velocity, moved), 0.95) < 0.01
     assert np.quantile(off(log.target_angular_velocity, turned), 0.95) < 0.05
+
+
+def test_joints_are_as_fast_as_the_page_states_and_twice_as_fast_in_a_shake(log):
+    stated = re.search(r"\| speed of the arms \| ([\d.]+) rad/s \(shaking ([\d.]+)\) and (\d+) rad/s", PAGE.read_text())
+    assert stated
+    usual, shaking, acceleration = map(float, stated.groups())
+    (shake,) = (run for run in log.skills if run.skill == "shake")
+    arm = [i for i, name in enumerate(log.vector_names) if not name.endswith("gripper")]
+    rates = np.abs(np.diff(log.action[:, arm], axis=0)).max(1) * FPS
+    within = (log.times[1:] > shake.start / 240) & (log.times[:-1] < shake.end / 240)
+    assert 0.9 * usual < rates[~within].max() <= usual * (1 + 1e-5)
+    assert usual < rates[within].max() <= shaking * (1 + 1e-5)
+    assert 0.5 * acceleration < np.abs(np.diff(log.action[:, arm], 2, axis=0)).max() * FPS**2 <= acceleration * (1 + 1e-5)
 
 
 def test_velocities_of_the_joints_are_the_differences_of_their_positions(log):

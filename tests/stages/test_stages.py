@@ -9,9 +9,12 @@ from pipeline.data.cameras import visible
 from pipeline.data.names import SIDES
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
+from pipeline.motion.planar.judge import Limits, judge_shapes
+from pipeline.motion.planar.levels import DRAW
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, transform
+from pipeline.stages import back_calculate as module
 from pipeline.stages.back_calculate import back_calculate
 from pipeline.stages.clearance import EARLY, LATE, Clearance
 from pipeline.stages.dry_run import DryRun, dry_run
@@ -40,6 +43,24 @@ def straight(scene, dry, offset):
     end = scene.bodies["bell"].pose
     c = np.array([[end[i] + offset[i], -offset[i]] for i in range(2)])
     return PlanarMotion(1, 0.5, dry.meeting, 0.0, float(end[2]), end[3:], (Segment(0.0, dry.meeting, c),))
+
+
+@pytest.mark.parametrize("level", [2, 3])
+def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, level):
+    scene, dry = prepared
+    requests = []
+    found = PlanarMotion.still(scene.bodies["bell"].pose, dry.meeting)
+    monkeypatch.setattr(module, "back_calculate_motion", lambda asked, *of: requests.append(asked) or found)
+    back_calculate(scene, dry, Setup())
+    alpha, end, space = requests[0].alpha, np.asarray(requests[0].end_pose)[:3], requests[0].workspace
+    paths = DRAW[level](np.random.default_rng(1), 20_000, alpha, 6.0, end[:2], space)
+    limits = Limits(space, end, level, alpha, 6.0, end_speed_limit=requests[0].end_speed_limit)
+    reasons = judge_shapes(paths, limits)
+    last = np.arange(len(reasons)), (paths.durations > 0).sum(-1) - 1
+    slopes = (paths.coefficients[last] * np.arange(paths.coefficients.shape[-1])).sum(-1)
+    speeds = np.linalg.norm(slopes, axis=-1) / paths.durations[last] / alpha
+    assert 2.5 < speeds[reasons == ""].max() <= 3
+    assert 3 < speeds[reasons == "end_speed"].min() < 3.5
 
 
 # --- clearance --------------------------------------------------------------------------------------------------------------

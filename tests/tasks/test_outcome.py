@@ -83,6 +83,21 @@ def test_rise_is_measured_from_where_the_body_began():
     assert o.rise("plate") == o.highest_rise("plate") == 0
 
 
+def test_the_rise_and_turn_of_a_target_count_from_the_last_frame_before_it_was_met():
+    """It comes down a ramp and turns on the way; it is met between frames 4 and 5."""
+    down = [(0, 0, height) for height in (0.30, 0.24, 0.18, 0.12, 0.06, 0.07, 0.16, 0.11)]
+    turns = np.linspace(0, 0.9, FRAMES)
+    o = outcome(path(*down, turn=turns), events=[("meeting", 4.5 / 15)])
+    assert o.rise("can") == pytest.approx(0.05)
+    assert o.highest_rise("can") == pytest.approx(0.10)
+    assert o.turned("can") == pytest.approx(0.5)
+    assert outcome(path(*down)).highest_rise("can") == pytest.approx(0.0)
+    assert outcome(path(*down)).rise("can") == pytest.approx(-0.19)
+    beside = np.zeros((FRAMES, 3))
+    beside[5:, 2] = 0.04
+    assert outcome(plate=beside, events=[("meeting", 7.5 / 15)]).rise("plate") == pytest.approx(0.04)
+
+
 @pytest.mark.parametrize(("tilt", "yes"), [(0.0, True), (0.25, True), (0.27, False), (-0.27, False), (np.pi, False)])
 def test_upright(tilt, yes):
     assert outcome(path(turn=np.full(FRAMES, tilt))).upright("can") is yes
