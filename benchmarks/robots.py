@@ -93,7 +93,7 @@ def add(source: Source, cache: Path, lab: Path) -> Path:
     if directory.is_dir():
         return directory
     gripper = None if source.gripper is None else file_of(source.gripper, cache)
-    return add_robot(file_of(source.arm, cache), Options(source.name, lab, gripper=gripper))
+    return add_robot(file_of(source.arm, cache), Options(source.name, lab, gripper=gripper)).directory
 
 
 def yields(embodiment: str, tasks: Sequence[str], layouts: int) -> Iterator[tuple[str, int, Counter[str]]]:

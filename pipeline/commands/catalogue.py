@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -180,13 +181,14 @@ def objects_add(
 ) -> None:
     """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the frames of its family."""
     from pipeline.intake.catalogue.object_check import check_object
-    from pipeline.intake.objects.add import Options, add_object, notes
+    from pipeline.intake.objects.add import Options, add_object, describe
     from pipeline.intake.objects.robotwin import add_robotwin, is_robotwin
 
     options = Options(name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within)
     added = add_robotwin(source, options) if is_robotwin(source) else [add_object(source, options)]
-    print("\n".join(line for directory in added for line in notes(directory)))
-    failed = [(directory.name, found) for directory in added for found in check_object(directory.name) if not found.ok]
+    print("\n".join(line for one in added for line in describe(one)))
+    names = [one.directory.name for one in added]
+    failed = [(each, found) for each in names for found in check_object(each) if not found.ok]
     if failed:
         print("\n".join(f"FAIL {name}: {found.name}: {found.detail}" for name, found in failed))
         print("correct object.toml, or add it again with another --up, --mass or --family")
@@ -206,12 +208,26 @@ def robots_add(
     licence: Annotated[str, typer.Option(help="The licence of the vendor's files.")] = "unknown",
     gripper: Annotated[Path | None, typer.Option(help="A URDF or MJCF of a gripper, for an arm without one.")] = None,
     flange: Annotated[str | None, typer.Option(help="The link that carries the gripper, if it is not found.")] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(help="NAME=DIR: where package://NAME/ is, if it is not found; may be repeated.")
+    ] = None,
 ) -> None:
     """Make a robot from a vendor's URDF or MJCF: find its arm, hand and jaws, a place and a rest configuration."""
-    from pipeline.intake.robots.add import Options, add_robot, notes
+    from pipeline.intake.robots.add import Options, add_robot, describe
 
-    directory = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange))
-    print("\n".join(notes(directory)))
+    added = add_robot(source, Options(name, to, base, jaw, licence, gripper, flange, _packages(package or ())))
+    print("\n".join(describe(added)))
+
+
+def _packages(given: Sequence[str]) -> dict[str, Path]:
+    """Directories by the names of packages. Raises UsageError."""
+    found = {}
+    for text in given:
+        name, _, directory = text.partition("=")
+        if not name or not Path(directory).is_dir():
+            raise UsageError(f"--package {text!r}: is not NAME=DIR with a directory that exists")
+        found[name] = Path(directory)
+    return found
 
 
 def check_robot(

@@ -1,6 +1,6 @@
 """Drawn surfaces as a binary glTF file: one mesh, a primitive per material, float32 arrays, textures as PNG.
 
-What `write_glb` writes is what `read_glb` reads, value for value. Files of other programs are for `robots/meshes.py`.
+What `write_glb` writes is what `read_glb` reads, value for value. Files of other programs are for `world/meshes`.
 """
 
 import json
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
+from pipeline.data.reading import open_regular, read_regular
 from pipeline.world.looks.png import read_png, write_png
 from pipeline.world.shapes import Material, Mesh, Parts, deferred
 
@@ -81,7 +82,7 @@ def write_glb(parts: Parts) -> bytes:
 def read_glb(path: Path) -> Parts:
     """The parts of a file of `write_glb`; their arrays are read when the first of them is used. Raises GlbError."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             magic, version, _, length, kind = struct.unpack("<5I", file.read(20))
             if (magic, version, kind) != (_MAGIC, 2, _JSON) or length > path.stat().st_size:
                 raise ValueError("no header of a binary glTF file")
@@ -90,7 +91,7 @@ def read_glb(path: Path) -> Parts:
             raise ValueError("written by another program")
         surfaces = [document["materials"][p["material"]]["pbrMetallicRoughness"] for p in document["meshes"][0]["primitives"]]
         return tuple((_mesh(path, i), _material(surface, _texture(path, document, surface))) for i, surface in enumerate(surfaces))
-    except (OSError, struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+    except (OSError, struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError) as error:
         raise GlbError(f"{path}: not readable as a GLB of this project ({' '.join(str(error).split())})") from error
 
 
@@ -100,7 +101,7 @@ def _texture(path: Path, document: dict[str, Any], surface: dict[str, Any]) -> N
         return None
     image = document["images"][document["textures"][surface["baseColorTexture"]["index"]]["source"]]
     where = document["bufferViews"][image["bufferView"]]
-    data = path.read_bytes()
+    data = read_regular(path)
     start = 28 + struct.unpack_from("<I", data, 12)[0] + where["byteOffset"]
     coded = data[start : start + where["byteLength"]]
     return read_png(coded)
@@ -113,7 +114,7 @@ def _material(surface: dict[str, Any], texture: NDArray[np.uint8] | None) -> Mat
 
 @deferred
 def _mesh(path: Path, index: int) -> Mesh:
-    data = path.read_bytes()
+    data = read_regular(path)
     length = struct.unpack_from("<I", data, 12)[0]
     document = json.loads(data[20 : 20 + length])
     start = 28 + length

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.names import is_name
 from pipeline.intake.objects.holding import WIDEST, two_finger_grasps
 from pipeline.intake.objects.solid import bounds, solid_of
-from pipeline.intake.objects.source import Part, drawn_parts, read_source, welded
 from pipeline.intake.objects.standing import frames_like, kinds_like, kinds_of, stand_up
 from pipeline.plugins import directories
 from pipeline.world.glb import write_glb
+from pipeline.world.meshes.drawn import drawn, welded
+from pipeline.world.meshes.part import Part
+from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.objects import from_files
 from pipeline.world.objects.contract import FAMILIES, Grasp
 from pipeline.world.objects.from_files import ObjectError, ObjectToml, add_directory, directory_of, piece
@@ -24,7 +27,7 @@ from pipeline.world.shapes import Collider, Parts
 
 DENSITY = 400.0  # kg/m3: a box of cereal, a mug, a toy
 SMALLEST, LARGEST = 0.008, 1.0  # m, the longest edge of an object
-Y_UP = (".glb", ".gltf")
+TRIANGLES, FEWEST = 2000, 20  # of an object at most, and of one of its parts at least
 KEPT_DIGITS = 5
 
 
@@ -47,19 +50,27 @@ class Options:
     within: Path | None = None
 
 
+class Added(NamedTuple):
+    """An object's directory, and a line for all that was guessed or left out."""
+
+    directory: Path
+    notes: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """An object before it is written: settings, what is drawn, what is solid."""
+    """An object before it is written: settings, what is drawn, what is solid, and lines on what was guessed or left out."""
 
     settings: ObjectToml
     looks: Parts
     solid: tuple[Collider, ...]
+    notes: tuple[str, ...]
 
 
-def add_object(file: Path, options: Options) -> Path:
-    """Write the directory of an object from a mesh file; the directory.
+def add_object(file: Path, options: Options) -> Added:
+    """Write the directory of an object from a mesh file, and enter the object.
 
-    Raises ObjectError, one line; nothing is written then.
+    Raises ObjectError and MeshError, one line; nothing is written then.
     """
     directory = options.to / "objects" / options.name
     check_names(options, directory)
@@ -68,7 +79,7 @@ def add_object(file: Path, options: Options) -> Path:
     draft = draft_of(file, options)
     write_object(draft, directory)
     add_directory(directory.resolve())
-    return directory
+    return Added(directory, draft.notes)
 
 
 def check_names(options: Options, directory: Path) -> None:
@@ -93,16 +104,21 @@ def home_of(family: str) -> Path | None:
 
 
 def draft_of(file: Path, options: Options) -> Draft:
-    """The object of a mesh file. Raises ObjectError."""
+    """The object of a mesh file. Raises ObjectError and MeshError."""
+    mesh = read_mesh(file, options.within)
     scaled = np.diag([options.scale] * 3 + [1.0])
-    parts = [part.moved(scaled) for part in read_source(file, options.within)]
+    parts = [part.moved(scaled) for part in mesh.parts]
     check_size(file, parts)
-    mesh = welded(parts)
-    pieces = solid_of(np.asarray(mesh.vertices), np.asarray(mesh.faces), str(file))
-    upright = stand_up(pieces, options.family, options.up, "y" if file.suffix.lower() in Y_UP else "z", str(file))
+    pieces = solid_of(*welded(parts), str(file))
+    upright = stand_up(pieces, options.family, options.up, mesh.up, str(file))
     solid = moved(pieces, upright)
     grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(settings_of(options, solid, grasps, file.name), drawn_parts([part.moved(upright) for part in parts]), solid)
+    return Draft(settings_of(options, solid, grasps, file.name), looks_of(parts, upright), solid, mesh.notes)
+
+
+def looks_of(parts: Sequence[Part], upright: np.ndarray) -> Parts:
+    """What is drawn of parts that stand under a 4x4 matrix."""
+    return drawn([part.moved(upright) for part in parts], TRIANGLES, FEWEST)
 
 
 def check_size(file: Path, parts: Sequence[Part]) -> None:
@@ -176,8 +192,10 @@ def toml_of(settings: ObjectToml) -> str:
     return joined
 
 
-def notes(directory: Path) -> Iterator[str]:
+def describe(added: Added) -> Iterator[str]:
     """What the user should know of an object that was written."""
+    directory = added.directory
+    yield from (f"note: {note}" for note in added.notes)
     files = directory_of(FAMILIES[directory.name])
     assert files is not None
     settings, solid = files.settings, files.solid

@@ -22,6 +22,7 @@ from pipeline.intake.objects.add import Options, write_object
 from pipeline.intake.objects.robotwin import VERSION, Instance, described_in, draft_of_instance, instances
 from pipeline.intake.objects.standing import first_of
 from pipeline.plugins import use_plugins
+from pipeline.world.meshes.part import MeshError
 from pipeline.world.objects.from_files import TOML, ObjectError, add_all
 
 SCHEME = "robotwin:"
@@ -149,7 +150,7 @@ def _make_object(wanted: _Wanted, cache: Path) -> Path:
         draft = draft_of_instance(files, options, wanted.model.scale)
         if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
             raise ObjectError(NO_GRASP)
-    except ObjectError as error:
+    except (ObjectError, MeshError) as error:
         write_atomic(place / REFUSED, str(error).encode())
     else:
         write_object(draft, place)

@@ -16,17 +16,18 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.data.parsing import ParseError, read_json
-from pipeline.intake.objects.add import Draft, Options, check_names, check_size, moved, settings_of, write_object
+from pipeline.intake.objects.add import Added, Draft, Options, check_names, check_size, looks_of, moved, settings_of, write_object
 from pipeline.intake.objects.holding import pinch_at, two_finger_grasps
 from pipeline.intake.objects.solid import solid_of
-from pipeline.intake.objects.source import drawn_parts, read_source, welded
 from pipeline.intake.objects.standing import first_of, kinds_like, stand_up
 from pipeline.poses import Pose, from_matrix, quat_rotate
+from pipeline.world.meshes.drawn import welded
+from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases, add_directory
 from pipeline.world.shapes import Collider
 
-VERSION = 1  # raise it when the same files give other objects: those in the user's cache are made again then
+VERSION = 2  # raise it when the same files give other objects: those in the user's cache are made again then
 MASS = 0.1  # kg, where the user gives none: the original's 0.01 kg is lighter than any of these things
 
 ARTICLE = re.compile(r"^(a|an|the)\s+", re.IGNORECASE)
@@ -60,10 +61,10 @@ def is_robotwin(directory: Path) -> bool:
     return directory.is_dir() and any(directory.glob("model_data*.json"))
 
 
-def add_robotwin(directory: Path, options: Options) -> list[Path]:
-    """Write an object for every instance, NAME or NAME_0, NAME_1 ...; their directories.
+def add_robotwin(directory: Path, options: Options) -> list[Added]:
+    """Write an object for every instance, NAME or NAME_0, NAME_1 ...
 
-    Raises ObjectError, one line; nothing is written then.
+    Raises ObjectError and MeshError, one line; nothing is written then.
     """
     found = sorted(instances(directory), key=lambda each: int(each.number or 0))
     if not found:
@@ -77,7 +78,7 @@ def add_robotwin(directory: Path, options: Options) -> list[Path]:
     for draft, place in drafts:
         write_object(draft, place)
         add_directory(place.resolve())
-    return [place for _, place in drafts]
+    return [Added(place, draft.notes) for draft, place in drafts]
 
 
 def instances(directory: Path) -> Iterator[Instance]:
@@ -95,14 +96,14 @@ def instances(directory: Path) -> Iterator[Instance]:
 
 
 def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -> Draft:
-    """The object of an instance; `unscaled` is the scale of files that give none. Raises ObjectError."""
+    """The object of an instance; `unscaled` is the scale of files that give none. Raises ObjectError and MeshError."""
     data, noun = _read(each.data), first_of(options.family).words().noun
     scale = np.broadcast_to(np.asarray(unscaled if data.scale is None else data.scale, float) * options.scale, 3)
     scaled = np.diag([*scale, 1.0])
-    looks, solids = ([part.moved(scaled) for part in read_source(file, options.within)] for file in (each.visual, each.solid))
+    read = [read_mesh(file, options.within) for file in (each.visual, each.solid)]
+    looks, solids = ([part.moved(scaled) for part in mesh.parts] for mesh in read)
     check_size(each.visual, looks)
-    mesh = welded(solids)
-    pieces = solid_of(np.asarray(mesh.vertices), np.asarray(mesh.faces), str(each.solid))
+    pieces = solid_of(*welded(solids), str(each.solid))
     upright = stand_up(pieces, options.family, options.up, "y", str(each.visual))
     solid = moved(pieces, upright)
     grasps = contact_grasps(data, scale, upright, solid) or two_finger_grasps(solid)
@@ -116,8 +117,9 @@ def draft_of_instance(each: Instance, options: Options, unscaled: float = 1.0) -
     words = settings.words if options.words else _read_phrases(each, noun) or settings.words
     return Draft(
         settings.model_copy(update={"frames": settings.frames | frames, "words": words}),
-        drawn_parts([part.moved(upright) for part in looks]),
+        looks_of(looks, upright),
         solid,
+        read[0].notes,
     )
 
 

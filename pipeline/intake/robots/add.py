@@ -2,10 +2,11 @@
 
 import re
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,9 @@ from pipeline.world.robots.check import RobotError
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
 from pipeline.world.robots.directory import TOML
 from pipeline.world.robots.forward import arm_poses
-from pipeline.world.robots.meshes import load_visual
 from pipeline.world.robots.notation import wrist_camera
 from pipeline.world.robots.pairs import ALIASES, MODELS
+from pipeline.world.robots.surfaces import load_visual
 from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, read_urdf
 
 CONFIG = "config.yml"
@@ -66,7 +67,8 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 class Options:
     """What the user says: name, where robots are kept, the root link of the arm, the gripper's driving joint, the licence.
 
-    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it.
+    `gripper` is the file of a gripper, if the arm's has none, and `flange` the link that carries it. `packages` are directories of
+    packages by name.
     """
 
     name: str
@@ -76,12 +78,20 @@ class Options:
     licence: str = "unknown"
     gripper: Path | None = None
     flange: str | None = None
+    packages: Mapping[str, Path] = field(default_factory=dict)
 
 
-def add_robot(source: Path, options: Options) -> Path:
+class Added(NamedTuple):
+    """A robot's directory, and a line for all that was guessed or left out."""
+
+    directory: Path
+    notes: tuple[str, ...]
+
+
+def add_robot(source: Path, options: Options) -> Added:
     """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
 
-    Returns the directory. Raises RobotError and UrdfError, one line each; nothing is written then.
+    Raises RobotError and UrdfError, one line each; nothing is written then.
     """
     name, directory = options.name, options.to / "robots" / options.name
     if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
@@ -98,19 +108,22 @@ def add_robot(source: Path, options: Options) -> Path:
         urdf, hints = read_config(source, options.base)
     root = source if source.is_dir() else None
     with tempfile.TemporaryDirectory() as scratch:
-        robot = _read(urdf or source, Path(scratch) / "arm", root)
+        read = partial(_read, packages=options.packages, scratch=Path(scratch))
+        robot = read(urdf or source, root)
         if options.gripper is not None:
-            robot = mount(robot, _read(options.gripper, Path(scratch) / "gripper"), options.flange)
-        draft = draft_of(robot, anatomy(robot, hints), options)
+            robot = mount(robot, read(options.gripper), options.flange)
+        notes: list[str] = []
+        draft = draft_of(robot, anatomy(robot, hints), options, notes)
     write_robot(draft, directory)
-    return directory
+    return Added(directory, tuple(dict.fromkeys(notes)))
 
 
-def _read(source: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
+def _read(source: Path, root: Path | None = None, *, packages: Mapping[str, Path], scratch: Path) -> UrdfRobot:
     if source.suffix in MJCF and source.is_file():
-        scratch.mkdir()
-        return read_mjcf(source, scratch, root)
-    return read_urdf(_find_urdf(source), root)
+        meshes = scratch / str(len(list(scratch.iterdir())))
+        meshes.mkdir()
+        return read_mjcf(source, meshes, root)
+    return read_urdf(_find_urdf(source), root, packages)
 
 
 def _find_urdf(given: Path) -> Path:
@@ -124,12 +137,24 @@ def _find_urdf(given: Path) -> Path:
     return found[0]
 
 
-def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
-    """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
+def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options, notes: list[str]) -> Draft:
+    """The arm of a URDF as it is written; `notes` gets what was guessed.
+
+    Raises UrdfError where it finds no place or no rest configuration for the arm.
+    """
     pieces = Pieces()
-    links = tuple(_link(robot, name, pieces) for name in parts.links)
+    links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
-    joints = tuple(_joint(joint, joint.name in driven, parts) for joint in parts.joints)
+    joints = tuple(
+        _joint(joint, robot.path, parts) if joint.name in driven else replace(joint, kind="fixed") for joint in parts.joints
+    )
+    guessed = [
+        a.name
+        for a, b in zip(joints, parts.joints, strict=True)
+        if a.kind != "fixed" and (a.velocity, a.effort) != (b.velocity, b.effort)
+    ]
+    if guessed:
+        notes.append(f"limits of speed or effort are missing or placeholders, and guessed: {', '.join(guessed)}")
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
     tcp = frame(position, approach, opening)
     first = next(j for j in joints if j.name in parts.jaws)
@@ -174,29 +199,29 @@ def _upright(arm: Arm, opening: np.ndarray) -> np.ndarray:
     return opening if above else -opening
 
 
-def _joint(joint: Joint, driven: bool, parts: Anatomy) -> Joint:
-    """The joint with limits that can be used; one that nothing drives is fixed at 0."""
-    if joint.kind == "fixed" or not driven:
-        return replace(joint, kind="fixed")
+def _joint(joint: Joint, path: Path, parts: Anatomy) -> Joint:
+    """The joint with limits that can be used. Raises UrdfError for one of the arm that cannot move."""
     velocity = joint.velocity if 0 < joint.velocity <= FASTEST else SPEED
     effort = joint.effort if 0 < joint.effort <= STRONGEST else EFFORT
     lower, upper = max(joint.lower, -TURN), min(joint.upper, TURN)
     if joint.name in parts.jaws:
         ends = parts.jaws[joint.name]
-        return replace(joint, lower=min(ends) - 1e-3, upper=max(ends) + 1e-3, velocity=velocity, effort=effort)
-    if not lower < upper:
-        lower, upper = -np.pi, np.pi
+        lower, upper = min(ends) - 1e-3, max(ends) + 1e-3
+    elif not lower < upper:
+        raise UrdfError(
+            f"{path}: joint {joint.name!r} has limits {joint.lower:g} to {joint.upper:g}, so that it cannot move: give it a "
+            f'<limit lower="" upper="">, or make it continuous or fixed'
+        )
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
-def _link(robot: UrdfRobot, name: str, pieces: Pieces) -> Link:
+def _link(robot: UrdfRobot, name: str, pieces: Pieces, notes: list[str]) -> Link:
     link = robot.links[name]
-    solids = pieces.of(link.collisions or [s for s in link.visuals if s.kind == "mesh"])
+    solids = pieces.of(link.collisions or [shape for shape in link.visuals if shape.kind == "mesh"])
     mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
     x, y, z = com.tolist()
-    looks = load_visual([s for s in link.visuals if s.file is not None])
-    return Link(name, mass, (x, y, z), (ixx, iyy, izz), looks, solids, (ixy, ixz, iyz))
+    return Link(name, mass, (x, y, z), (ixx, iyy, izz), load_visual(link.visuals, notes), solids, (ixy, ixz, iyz))
 
 
 def _inertial(robot: UrdfRobot, name: str, link: UrdfLink, volume: float) -> tuple[float, np.ndarray, np.ndarray]:
@@ -220,8 +245,10 @@ def _foot(robot: UrdfRobot, root: str) -> float:
     return float(np.clip(np.round(np.abs(low[:, :2]).max(), 3), 0.03, 0.15))
 
 
-def notes(directory: Path) -> Iterator[str]:
+def describe(added: Added) -> Iterator[str]:
     """What the user should look at in a directory that was written."""
+    directory = added.directory
     text = (directory / TOML).read_text("utf-8")
+    yield from (f"note: {note}" for note in added.notes)
     yield f"wrote {directory}: {len(re.findall('^', text, re.MULTILINE)) - 1} lines of {TOML}"
     yield f"use it with: --plugins {directory.parents[1]} --embodiment {directory.name}"

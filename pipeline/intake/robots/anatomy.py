@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.poses import Pose, transform
 from pipeline.world.robots.contract import Joint
-from pipeline.world.robots.meshes import surface
-from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfRobot, UrdfShape
+from pipeline.world.robots.surfaces import surface
+from pipeline.world.robots.urdf_file import FREE, Mimic, UrdfError, UrdfRobot, UrdfShape
 
 TIP = 0.02  # m: the part of a finger, from its end on, that is looked at for a pad
 BEHIND_TIP = 0.018  # m: the tool frame's distance from the end of the fingers
@@ -59,6 +59,10 @@ def anatomy(robot: UrdfRobot, hints: Hints = Hints()) -> Anatomy:
     links = robot.below(base)
     joints = [robot.parent_joint[link] for link in links[1:]]
     mimics = {**robot.mimics, **hints.mimics}
+    for joint in joints:
+        if joint.kind in FREE:
+            fix = f"make it fixed, or give --base {joint.child}, the root of the arm"
+            raise UrdfError(f"{robot.path}: joint {joint.name!r} is {joint.kind}, and an arm stands on a fixed base: {fix}")
     arm, jaws = _split(robot, base, joints, mimics, hints)
     if not arm:
         raise UrdfError(f"{robot.path}: no joint moves between {base!r} and the gripper; give --base LINK, the root of the arm")

@@ -13,9 +13,12 @@ from pipeline.data.errors import DominoError
 from pipeline.intake.robots.couplings import CouplingError, couplings
 from pipeline.intake.robots.join import FLANGE
 from pipeline.poses import Pose, compose, pose, quat_to_matrix
+from pipeline.world.meshes.files import read_bytes
+from pipeline.world.meshes.part import MeshError
 from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.forward import joint_motion
-from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, UrdfShape, check_mesh, mesh_folders, parse_xml
+from pipeline.world.robots.packages import folders_of
+from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_xml
 
 MJCF = (".xml", ".mjcf")
 GREY = (0.5, 0.5, 0.5)  # MuJoCo's colour of a geom that has none
@@ -35,7 +38,7 @@ def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
     except ImportError as error:
         raise DominoError(f"{path}: is an MJCF; to read it, `pip install domino-data[mjcf]`") from error
 
-    _check_files(path, mesh_folders(path, root)[-1])
+    _check_files(path, folders_of(path, root).root)
     # without a listener MuJoCo writes its warnings to a file in the current directory
     listener = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
@@ -193,7 +196,7 @@ def _check_files(path: Path, root: Path) -> None:
         if file in seen:
             raise UrdfError(f"{path}: includes {file.name!r} twice or in a ring")
         seen.add(file)
-        document = parse_xml(file)
+        document = read_xml(file)
         if file == path.resolve() and document.tag != "mujoco":
             raise UrdfError(f"{path}: is no MJCF: its first element is <{document.tag}>, not <mujoco>")
         compilers = list(document.iter("compiler"))
@@ -201,10 +204,18 @@ def _check_files(path: Path, root: Path) -> None:
         for element in document.iter("*"):
             for name in (value for key, value in element.items() if key.startswith("file")):
                 found = [_within(path, root, Path(folder) / name, name) for folder in ("", *sorted(folders))]
-                for one in (f for f in found if f.is_file()):
-                    check_mesh(one)
+                for one in (f for f in found if f.exists()):
+                    _check_regular(path, one)
                     if element.tag in ("include", "model"):
                         pending.append(one)
+
+
+def _check_regular(path: Path, file: Path) -> None:
+    """Refuse a pipe, a device, a pointer of Git LFS and a file that is too large: MuJoCo would open it."""
+    try:
+        read_bytes(file)
+    except MeshError as error:
+        raise UrdfError(f"{path}: names {error}") from error
 
 
 def _within(path: Path, root: Path, place: Path, name: str) -> Path:

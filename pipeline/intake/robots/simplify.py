@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from pipeline.poses import pose, transform
-from pipeline.world.robots.meshes import surface
+from pipeline.world.robots.surfaces import surface
 from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
 from pipeline.world.shapes import Collider
 
@@ -52,7 +52,7 @@ class Pieces:
                 continue
             key = shape.file, shape.scale
             if key not in self._cut:
-                points, faces, _ = surface(replace(shape, origin=pose()))
+                points, faces = surface(replace(shape, origin=pose()))
                 self._cut[key] = [corners(part) for part in _convex(shape, points, faces)]
             found += [Collider("convex", (), vertices=transform(shape.origin, part)) for part in self._cut[key]]
         return tuple(found)

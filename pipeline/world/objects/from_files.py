@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 from pipeline.data.errors import DominoError
 from pipeline.data.names import is_name
 from pipeline.data.parsing import LARGEST_FILE
+from pipeline.data.reading import read_regular
 from pipeline.poses import IDENTITY
 from pipeline.world.glb import read_glb
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, NamedFrames, Words, register
@@ -163,7 +164,7 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise ValueError(f"is larger than {LARGEST_FILE} bytes")
-        for line in file.read_text("utf-8").splitlines():
+        for line in read_regular(file).decode().splitlines():
             match line.split():
                 case ["o", *_]:
                     groups.append([])

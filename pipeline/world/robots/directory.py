@@ -202,13 +202,14 @@ def _link(directory: Path, name: str, link: UrdfLink) -> Link:
 
 def _looks(visuals: tuple[UrdfShape, ...]) -> Parts:
     parts, others = [], []
-    for shape, file in ((s, s.file) for s in visuals if s.file is not None):
+    for shape in visuals:
         try:
-            parts += read_glb(file)
+            parts += read_glb(shape.file) if shape.file is not None else ()
+            others += [shape] * (shape.file is None)
         except GlbError:
             others.append(shape)
     if others:
-        from pipeline.world.robots.meshes import load_visual  # trimesh takes longer than the rest of a robot
+        from pipeline.world.robots.surfaces import load_visual  # trimesh takes longer than the rest of a robot
 
         parts += load_visual(others)
     return tuple(parts)
@@ -218,7 +219,7 @@ def _solids(collisions: tuple[UrdfShape, ...]) -> tuple[Collider, ...]:
     solids = []
     for shape in collisions:
         if shape.kind == "mesh":
-            from pipeline.world.robots.meshes import hull
+            from pipeline.world.robots.surfaces import hull
 
             solids.append(Collider("convex", (), vertices=hull(shape)))
         else:

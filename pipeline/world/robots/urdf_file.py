@@ -4,9 +4,10 @@ Everything that a simulator would accept in silence and get wrong is refused in 
 are not finite, links that hang on nothing, joints in a ring, meshes outside the robot's directory.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -14,17 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.errors import DominoError
 from pipeline.poses import Pose, compose, pose, quat_to_matrix
+from pipeline.world.meshes.files import parse_xml, read_bytes
+from pipeline.world.meshes.part import MeshError
 from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.forward import joint_motion
 from pipeline.world.robots.notation import at
+from pipeline.world.robots.packages import Folders, folders_of
 
-LFS_POINTER = b"version https://git-lfs"
 MAX_URDF_BYTES = 8_000_000
-MAX_MESH_BYTES = 256_000_000
 MAX_LINKS = 500
-MAX_NAME = 500  # characters of a mesh's file name
-FOLDERS_ABOVE = 2  # searched for meshes above the folder of a URDF that is given as a file
-_KINDS = {"continuous": "revolute", "revolute": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+MAX_NAME = 500  # characters of a link's or joint's name
+FREE = ("floating", "planar")
+_KINDS = {kind: kind for kind in ("revolute", "prismatic", "fixed", *FREE)} | {"continuous": "revolute"}
 _VECTORS = {"xyz": (3,), "rpy": (3,), "scale": (1, 3), "rgba": (3, 4), "size": (3,)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _NUMBERS = ("radius", "length", "lower", "upper", "effort", "velocity", "multiplier", "offset", *_INERTIA)
@@ -40,7 +42,8 @@ class UrdfError(DominoError):
 class UrdfShape:
     """One `<visual>` or `<collision>`: a `kind` of mesh, box (half extents), cylinder (radius, half length) or sphere (radius).
 
-    `origin` places it in the link; a mesh has a file and a scale (3,); `color` (sRGB 0-1) is None where the file has none.
+    `origin` places it in the link; a mesh has a file and a scale (3,), and may name other files below `within`. `color` (sRGB 0-1)
+    is None where the URDF has none.
     """
 
     kind: str
@@ -49,6 +52,7 @@ class UrdfShape:
     file: Path | None = None
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     color: Color | None = None
+    within: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,19 +107,19 @@ class UrdfRobot:
         return found
 
 
-def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
-    """Read a plain URDF whose meshes lie below the folder `root`, by default the second one above the URDF's.
+def read_urdf(path: Path, root: Path | None = None, packages: Mapping[str, Path] | None = None) -> UrdfRobot:
+    """Read a plain URDF whose meshes lie below the folder `root`, by default that of its package or the second one above it.
 
-    Raises UrdfError, one line, for anything else: xacro, broken XML, values that are no finite numbers, joints of unknown links or
-    in a ring, meshes that are missing, too large, or named by an absolute path, a URL or with `..`.
+    `packages` are directories of packages by name. Raises UrdfError, one line, for anything else: xacro, broken XML, values that
+    are no finite numbers, joints of unknown links or in a ring, meshes that are missing or elsewhere.
     """
     document = _parse(path)
     elements = document.findall("link")
     if len(elements) > MAX_LINKS:
         raise UrdfError(f"{path}: has {len(elements)} links; a robot has at most {MAX_LINKS}")
-    folders = mesh_folders(path, root)
     paints = {m.get("name"): _color(m) for m in document.iter("material") if m.get("name") and _color(m)}
-    links = {_name(e, path): _link(e, path, folders, paints) for e in elements}
+    shapes = _Shapes(folders_of(path, root, packages), paints)
+    links = {_name(e, path): _link(e, shapes) for e in elements}
     names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
     for tag, name in {x for x in names if names.count(x) > 1}:
         raise UrdfError(f"{path}: two {tag}s are named {name!r}: give each its own name")
@@ -136,21 +140,19 @@ def read_urdf(path: Path, root: Path | None = None) -> UrdfRobot:
     return UrdfRobot(path, links, joints, mimics)
 
 
-def parse_xml(path: Path) -> etree._Element:
-    """The root element of a file. Raises UrdfError for one that is too large, broken, or has a document type."""
-    if path.stat().st_size > MAX_URDF_BYTES:
-        raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a URDF has at most {MAX_URDF_BYTES}")
+def read_xml(path: Path) -> Any:
+    """The root element of a robot's file. Raises UrdfError for one that is too large, broken, or has a document type."""
     try:
-        root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, no_network=True))
-    except (etree.XMLSyntaxError, LookupError, ValueError) as error:
-        raise UrdfError(f"{path}: not readable as XML ({' '.join(str(error).split())})") from error
-    if root.getroottree().docinfo.doctype:
-        raise UrdfError(f"{path}: declares a document type, which no URDF needs; remove its <!DOCTYPE ...>")
-    return root
+        data = read_bytes(path)
+        if len(data) > MAX_URDF_BYTES:
+            raise MeshError(f"has {len(data)} bytes; it may have {MAX_URDF_BYTES}")
+        return parse_xml(data)
+    except MeshError as error:
+        raise UrdfError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
 
 
-def _parse(path: Path) -> etree._Element:
-    root = parse_xml(path)
+def _parse(path: Path) -> Any:
+    root = read_xml(path)
     elements = list(root.iter(etree.Element))
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
         raise UrdfError(f"{path}: not a plain URDF; expand it first, for example with `xacro in.xacro > out.urdf`")
@@ -159,7 +161,7 @@ def _parse(path: Path) -> etree._Element:
     return root
 
 
-def _check_numbers(element: etree._Element, path: Path) -> None:
+def _check_numbers(element: Any, path: Path) -> None:
     """Refuse attributes that are to be numbers and are not, or not as many as they must be."""
     numbers = (*_NUMBERS, "value") if element.tag == "mass" else _NUMBERS
     for key, counts in (_VECTORS | dict.fromkeys(numbers, (1,))).items():
@@ -175,7 +177,44 @@ def _check_numbers(element: etree._Element, path: Path) -> None:
             raise UrdfError(f"{what}, which is not {' or '.join(map(str, counts))} finite number{'s' * (counts != (1,))}")
 
 
-def _link(e: etree._Element, path: Path, folders: list[Path], paints: Mapping[str | None, Color | None]) -> UrdfLink:
+@dataclass(frozen=True)
+class _Shapes:
+    """Reads the shapes of a file's links: where its meshes are, and its named colors."""
+
+    folders: Folders
+    paints: Mapping[str | None, Color | None]
+
+    def of(self, link: Any, tag: str) -> Iterator[UrdfShape]:
+        """The shapes of a link under one tag. Raises UrdfError."""
+        for element in link.findall(tag):
+            geometry, material = element.find("geometry"), element.find("material")
+            found = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
+            if found is not None:
+                color = None if material is None else _color(material) or self.paints.get(material.get("name"))
+                yield self._shape(found, _origin(element), color)
+
+    def _shape(self, found: Any, origin: Pose, color: Color | None) -> UrdfShape:
+        urdf = self.folders.urdf
+        if found.tag == "mesh":
+            x, y, z = np.broadcast_to(_vector(found, "scale", (1.0,)), 3).tolist()
+            try:
+                file, within = self.folders.find(found.get("filename", ""))
+            except MeshError as error:
+                raise UrdfError(f"{urdf}: mesh {error}") from error
+            return UrdfShape("mesh", origin, (), file, (x, y, z), color, within)
+        sizes = {
+            "box": lambda: tuple((_vector(found, "size", (0.0, 0.0, 0.0)) / 2).tolist()),
+            "cylinder": lambda: (_number(found, "radius"), _number(found, "length") / 2),
+            "sphere": lambda: (_number(found, "radius"),),
+        }
+        if found.tag not in sizes or min(size := sizes[found.tag]()) <= 0:
+            raise UrdfError(
+                f"{urdf}: line {found.sourceline}: <{found.tag}> is no mesh, box, cylinder or sphere with a size above 0"
+            )
+        return UrdfShape(found.tag, origin, size, color=color)
+
+
+def _link(e: Any, shapes: _Shapes) -> UrdfLink:
     inertial = e.find("inertial")
     mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     if inertial is not None:
@@ -187,36 +226,16 @@ def _link(e: etree._Element, path: Path, folders: list[Path], paints: Mapping[st
         if (origin[3:] != (1, 0, 0, 0)).any():
             turn = quat_to_matrix(origin[3:])
             inertia = turn @ inertia @ turn.T
-    shapes = (tuple(s for x in e.findall(tag) for s in _shape(x, path, folders, paints)) for tag in ("visual", "collision"))
-    return UrdfLink(mass, com, inertia, *shapes)
+    return UrdfLink(mass, com, inertia, tuple(shapes.of(e, "visual")), tuple(shapes.of(e, "collision")))
 
 
-def _shape(e: etree._Element, path: Path, folders: list[Path], paints: Mapping[str | None, Color | None]) -> Iterable[UrdfShape]:
-    geometry, material = e.find("geometry"), e.find("material")
-    found = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
-    if found is None:
-        return
-    color = None if material is None else _color(material) or paints.get(material.get("name"))
-    if found.tag == "mesh":
-        x, y, z = np.broadcast_to(_vector(found, "scale", (1.0,)), 3).tolist()
-        yield UrdfShape("mesh", _origin(e), (), _mesh_file(found.get("filename", ""), path, folders), (x, y, z), color)
-        return
-    sizes = {
-        "box": lambda: tuple((_vector(found, "size", (0.0, 0.0, 0.0)) / 2).tolist()),
-        "cylinder": lambda: (_number(found, "radius"), _number(found, "length") / 2),
-        "sphere": lambda: (_number(found, "radius"),),
-    }
-    if found.tag not in sizes or min(size := sizes[found.tag]()) <= 0:
-        raise UrdfError(f"{path}: line {found.sourceline}: <{found.tag}> is no mesh, box, cylinder or sphere with a size above 0")
-    yield UrdfShape(found.tag, _origin(e), size, color=color)
-
-
-def _joint(e: etree._Element, path: Path) -> Joint:
+def _joint(e: Any, path: Path) -> Joint:
     name = _name(e, path)
     kind = _KINDS.get(e.get("type", ""))
     ends = [x.get("link", "") if (x := e.find(tag)) is not None else "" for tag in ("parent", "child")]
     if kind is None or not all(ends):
-        raise UrdfError(f"{path}: joint {name!r} needs a parent, a child and a type of {', '.join(_KINDS)}")
+        kinds = ", ".join(k for k in (*_KINDS,) if k not in FREE)
+        raise UrdfError(f"{path}: joint {name!r} needs a parent, a child and a type of {kinds}")
     turn = e.find("axis")
     axis = np.array([1.0, 0.0, 0.0]) if turn is None else _vector(turn, "xyz", (1.0, 0.0, 0.0))
     if kind == "fixed":
@@ -233,14 +252,14 @@ def _joint(e: etree._Element, path: Path) -> Joint:
     return Joint(name, kind, ends[0], ends[1], _origin(e), (x, y, z), lower, upper, velocity, effort)
 
 
-def _name(e: etree._Element, path: Path) -> str:
+def _name(e: Any, path: Path) -> str:
     name = e.get("name", "")
     if not name or len(name) > MAX_NAME or set(name) & set("/\\"):  # files of a robot's directory are named after links
         raise UrdfError(f"{path}: line {e.sourceline}: <{e.tag}> has name={name[:60]!r}: give it a short name without slashes")
     return name
 
 
-def _origin(e: etree._Element) -> Pose:
+def _origin(e: Any) -> Pose:
     origin = e.find("origin")
     if origin is None:
         return pose()
@@ -248,51 +267,16 @@ def _origin(e: etree._Element) -> Pose:
     return at(_vector(origin, "xyz", (0.0, 0.0, 0.0)), (roll, pitch, yaw))
 
 
-def _vector(e: etree._Element, key: str, default: tuple[float, ...]) -> NDArray[np.float64]:
+def _vector(e: Any, key: str, default: tuple[float, ...]) -> NDArray[np.float64]:
     text = e.get(key)
     return np.array(default if text is None else [float(v) for v in text.split()])
 
 
-def _number(e: etree._Element | None, key: str) -> float:
+def _number(e: Any, key: str) -> float:
     return 0.0 if e is None else float(e.get(key, 0.0))
 
 
-def mesh_folders(urdf: Path, root: Path | None) -> list[Path]:
-    """Where meshes may lie: the folder of the URDF and those above it, up to `root`."""
-    above = list(urdf.resolve().parents)
-    if root is None or not root.is_dir():
-        return above[: 1 + FOLDERS_ABOVE]
-    return [folder for folder in above if folder.is_relative_to(root.resolve())]
-
-
-def _mesh_file(name: str, urdf: Path, folders: list[Path]) -> Path:
-    """The file a URDF means: relative to it, or with `package://` and leading folders dropped until something exists nearby."""
-    scheme, _, rest = name.rpartition("://")
-    plain, where = Path(rest), f"{urdf}: mesh {name[:120]!r}"
-    if scheme not in ("", "package", "model"):
-        raise UrdfError(f"{where} is a URL; name it relative to the URDF, or as package://NAME/FILE")
-    if not rest or len(name) > MAX_NAME or plain.is_absolute() or PureWindowsPath(rest).drive or ".." in plain.parts:
-        raise UrdfError(f"{where} is no path below the package; name it relative to the URDF and without `..`")
-    tails = [Path(*plain.parts[i:]) for i in range(len(plain.parts))]
-    for folder, candidate in ((folder, folder / tail) for tail in tails for folder in folders):
-        if candidate.is_file():
-            if not candidate.resolve().is_relative_to(folder):
-                raise UrdfError(f"{candidate}: a link to a file outside of {folder}; copy the mesh there")
-            check_mesh(candidate)
-            return candidate
-    raise UrdfError(f"{where} was not found next to it or in {folders[-1]}")
-
-
-def check_mesh(path: Path) -> None:
-    """Raise UrdfError for a mesh file that is too large, or a pointer of Git LFS."""
-    if path.stat().st_size > MAX_MESH_BYTES:
-        raise UrdfError(f"{path}: has {path.stat().st_size} bytes; a mesh may have {MAX_MESH_BYTES}")
-    with open(path, "rb") as f:
-        if f.read(len(LFS_POINTER)) == LFS_POINTER:
-            raise UrdfError(f"{path}: a Git LFS pointer, not a mesh; run `git lfs pull` in that repository")
-
-
-def _color(material: etree._Element) -> Color | None:
+def _color(material: Any) -> Color | None:
     color = material.find("color")
     if color is None or color.get("rgba") is None:
         return None

@@ -31,6 +31,16 @@ def textured_box(path: Path) -> Path:
     return path
 
 
+def textured_obj(path: Path, mtl: str) -> Path:
+    """A box as OBJ whose faces have texture coordinates and the material `a` of an MTL beside it."""
+    box = trimesh.creation.box((0.05, 0.04, 0.09))
+    lines = ["mtllib box.mtl", "vt 0.25 0.25", *("v {} {} {}".format(*v) for v in box.vertices), "usemtl a"]
+    lines += ["f " + " ".join(f"{k + 1}/1" for k in face) for face in box.faces]
+    path.write_text("\n".join(lines) + "\n")
+    path.with_name("box.mtl").write_text(mtl)
+    return path
+
+
 def gltf(path: Path, **changes) -> Path:
     """A GLB of one triangle whose JSON is changed."""
     points = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32).tobytes()

@@ -29,7 +29,7 @@ def made(tmp_path_factory):
     """The directory of an object that stands for playing cards, made once."""
     root = tmp_path_factory.mktemp("made")
     options = Options("cards_0", "playing_cards", root, up="z", licence="Proprietary")
-    directory = add_object(box_file(root / "box.obj", (0.06, 0.03, 0.08)), options)
+    directory, _ = add_object(box_file(root / "box.obj", (0.06, 0.03, 0.08)), options)
     FAMILIES.remove("cards_0")
     return directory
 

@@ -62,8 +62,8 @@ def test_a_hinged_jaw_meets_a_finger_that_stands_still(tmp_path):
 def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
     (tmp_path / "meshes").mkdir()
     trimesh.creation.capsule(height=0.2, radius=0.03).export(tmp_path / "meshes" / "upper.stl")
-    source = Tiny(LINKAGE, mesh="package://vendor/meshes/upper.stl").write(tmp_path)
-    directory = add_robot(source, Options("tiny", tmp_path / "mine", licence='BSD "3"'))
+    source = Tiny(LINKAGE, mesh="meshes/upper.stl").write(tmp_path)
+    directory, _ = add_robot(source, Options("tiny", tmp_path / "mine", licence='BSD "3"'))
     assert directory == tmp_path / "mine" / "robots" / "tiny"
     model = Model(directory)
     assert model.settings.licence == "BSD 3" and len((directory / "robot.toml").read_text().splitlines()) < 45
@@ -95,7 +95,7 @@ def test_a_directory_of_robotwin_is_read_with_its_configuration(tmp_path):
         "gripper_name:\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n"
         "gripper_scale: [0.0, 0.025]\n"
     )
-    directory = add_robot(tmp_path / "their", Options("tiny", tmp_path))
+    directory, _ = add_robot(tmp_path / "their", Options("tiny", tmp_path))
     jaws = Model(directory).settings.gripper
     assert (jaws.joints, jaws.closed, jaws.opened) == (("jaw_a", "jaw_b"), (0.0, 0.0), (0.025, 0.025))
     assert jaws.opening == pytest.approx(2 * (0.035 - 0.005))

@@ -1,9 +1,14 @@
-"""URDFs and meshes that no robot can be made of: one line, exit code 2, nothing written."""
+"""URDFs and meshes that no robot can be made of: one line, nothing written."""
+
+import os
 
 import numpy as np
 import pytest
 
-from pipeline.world.robots import meshes, urdf_file
+from pipeline.data.errors import DominoError
+from pipeline.intake.robots.add import Options, add_robot
+from pipeline.world.meshes import files
+from pipeline.world.robots import urdf_file
 from tests.intake.objects.meshes import gltf
 from tests.intake.objects.test_add import AWAY, MANY, NODES
 from tests.intake.robots.tiny import HINGE, SLIDES, Tiny
@@ -14,13 +19,19 @@ BOMB = '<!DOCTYPE robot [<!ENTITY a "b"><!ENTITY b "&a;&a;&a;">]><robot '
 THIRD = '<joint name="jaw_c" type="prismatic"><parent link="hand"/><child link="finger_c"/><limit lower="0" upper="1"/></joint>'
 
 
-def refused(tmp_path, source, *options) -> str:
-    """The line of `robots add`, which writes nothing."""
+def refused(tmp_path, source, **options) -> str:
+    """The line that `robots add` ends with; it writes nothing."""
     made = tmp_path / "made"
-    code, out, err = inside("robots", "add", source, "--name", "mine", "--to", made, *options)
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("domino-data: "), err
-    assert len(err) < 700 and not made.exists()
-    return err
+    with pytest.raises(DominoError) as error:
+        add_robot(source, Options("mine", made, **options))
+    line = str(error.value)
+    assert "\n" not in line and len(line) < 700 and not made.exists()
+    return line
+
+
+def test_the_command_prints_the_line(tmp_path):
+    code, out, err = inside("robots", "add", tmp_path / "gone.urdf", "--name", "mine", "--to", tmp_path / "made")
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("domino-data: ") and "gone.urdf: is neither" in err
 
 
 @pytest.mark.parametrize(
@@ -56,6 +67,14 @@ def refused(tmp_path, source, *options) -> str:
         ('type="revolute"', 'type="fixed"', "no joint moves between 'base' and the gripper"),
         ('type="prismatic"', 'type="fixed"', "has no gripper"),
         ('lower="0" upper="0.03"', 'lower="0" upper="0"', "joint 'jaw_a' of the gripper needs limits lower < upper"),
+        ('lower="-2.6" upper="2.6"', 'lower="0" upper="0"', "joint 'j3' has limits 0 to 0, so that it cannot move"),
+        (
+            '<joint name="j1" type="revolute"',
+            '<joint name="j1" type="floating"',
+            "joint 'j1' is floating, and an arm",
+        ),
+        ('<joint name="j1" type="revolute"', '<joint name="j1" type="planar"', "give --base turret, the root of the arm"),
+        ('<joint name="j1" type="revolute"', '<joint name="j1" type="ball"', "a type of revolute, prismatic, fixed, continuous"),
         ('name="j2"', 'name=""', "give it a short name"),
         ('name="j2"', 'name="j1"', "two joints are named 'j1': give each its own name"),
         ('link name="upper"', 'link name="lower"', "two links are named 'lower': give each its own name"),
@@ -71,29 +90,40 @@ def test_a_urdf_that_is_no_robot_is_one_line(tmp_path, old, new, words):
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "words"),
     [
-        *(
-            "/etc/hostname",
-            "file:///etc/hostname",
-            "https://example.org/part.stl",
-            "../vendor/part.stl",
-            "package://vendor/../part.stl",
-        ),
-        *("C:\\part.stl", "", "package://", "a/" * 300 + "part.stl"),
+        ("/etc/hostname", "is an absolute path"),
+        ("C:\\part.stl", "is an absolute path"),
+        ("file:///etc/hostname", "is a URL"),
+        ("https://example.org/part.stl", "is a URL"),
+        ("../../../../out.stl", "is outside of"),
+        ("package://vendor/../../part.stl", "is outside of"),
+        ("package://../part.stl", "is of the package '..', which is not here"),
+        ("package://tool/part.stl", "is of the package 'tool', which is not here: give --package tool=DIR"),
+        ("package://", "is of the package ''"),
+        ("", "is no name of a file"),
+        ("a/" * 300 + "part.stl", "is no name of a file"),
+        ("gone.stl", "was not found in"),
+        ("meshes", "is no regular file"),
+        ("pipe.stl", "is no regular file"),
+        ("zero.stl", "is a link to a file outside of"),
+        ("part.stl", "is a link to a file outside of"),
+        ("MESHES/two%20words.stl", "is written in another case; write 'meshes/two words.stl'"),
+        ("meshes/two%20words.stl", "has percent signs; write 'meshes/two words.stl'"),
+        ("meshes\\two words.stl", "has backslashes; write 'meshes/two words.stl'"),
+        ("meshes/Two Words.STL", "is written in another case; write 'meshes/two words.stl'"),
     ],
 )
-def test_a_mesh_is_named_by_a_path_below_the_package(tmp_path, name):
-    said = refused(tmp_path, Tiny(mesh=name).write(tmp_path / "vendor"))
-    assert "tiny.urdf: mesh " in said and ("is a URL" in said or "is no path below the package" in said)
-
-
-def test_a_mesh_does_not_come_from_outside_of_the_given_directory(tmp_path):
-    MESH.write(tmp_path / "vendor")
-    (tmp_path / "part.stl").write_bytes(b"elsewhere")
-    assert "was not found next to it" in refused(tmp_path, tmp_path / "vendor")
-    (tmp_path / "vendor" / "part.stl").symlink_to(tmp_path / "part.stl")
-    assert "a link to a file outside of" in refused(tmp_path, tmp_path / "vendor")
+def test_a_mesh_that_is_not_there_is_refused_with_the_cause(tmp_path, name, words):
+    path = Tiny(mesh=name).write(tmp_path / "up" / "vendor")
+    (path.parent / "meshes").mkdir()
+    (path.parent / "meshes" / "two words.stl").write_bytes(b"")
+    (tmp_path / "out.stl").write_bytes(b"elsewhere")
+    (path.parent / "part.stl").symlink_to(tmp_path / "out.stl")
+    (path.parent / "zero.stl").symlink_to("/dev/zero")
+    os.mkfifo(path.parent / "pipe.stl")
+    said = refused(tmp_path, path.parent)
+    assert "tiny.urdf: mesh " in said and words in said
 
 
 @pytest.mark.parametrize(
@@ -107,7 +137,7 @@ def test_a_mesh_does_not_come_from_outside_of_the_given_directory(tmp_path):
         ("part.obj", b"v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "have no area"),
         ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat, so that nothing can collide with it"),
         ("part.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", "part.glb: not readable"),
-        ("part.zip", b"PK", "part.zip: not one of .stl"),
+        ("part.zip", b"PK", "part.zip: not one of .glb"),
     ],
 )
 def test_a_damaged_mesh_is_one_line(tmp_path, name, data, words):
@@ -125,20 +155,22 @@ def test_a_hostile_glb_is_one_line(tmp_path, changes):
 
 
 def test_a_mesh_of_too_many_triangles_is_refused(tmp_path):
-    path, count = MESH.write(tmp_path / "vendor"), meshes.MAX_TRIANGLES + 1
+    path, count = MESH.write(tmp_path / "vendor"), files.MAX_TRIANGLES + 1
     with open(path.parent / "part.stl", "wb") as file:
         file.write(bytes(80) + np.uint32(count).tobytes())
         file.truncate(84 + 50 * count)
-    assert f"has {count} triangles; a mesh has at most {count - 1}" in refused(tmp_path, path)
+    assert f"has {count} triangles in 1 materials; {count - 1} in" in refused(tmp_path, path)
 
 
 def test_files_and_robots_have_a_largest_size(tmp_path, monkeypatch):
     path = MESH.write(tmp_path / "vendor")
     (path.parent / "part.stl").write_bytes(b"123")
-    for limit, words in (("MAX_LINKS", "has 8 links"), ("MAX_MESH_BYTES", "a mesh may have 1"), ("MAX_URDF_BYTES", "at most 1")):
+    for limit, words in (("MAX_LINKS", "has 8 links"), ("MAX_URDF_BYTES", "it may have 1")):
         with monkeypatch.context() as patch:
             patch.setattr(urdf_file, limit, 1)
             assert words in refused(tmp_path, path)
+    monkeypatch.setattr(files, "MAX_BYTES", len(path.read_bytes()) - 1)
+    assert "a file has at most" in refused(tmp_path, path)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +195,7 @@ def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config,
 def test_what_is_not_there_is_named(tmp_path):
     path = Tiny(HINGE).write(tmp_path / "vendor")
     assert "neither a URDF, nor an MJCF, nor a directory" in refused(tmp_path, tmp_path / "gone.urdf")
-    assert "gone.xml: is neither" in refused(tmp_path, path, "--gripper", tmp_path / "gone.xml")
-    assert "has no link 'pelvis'; links are base" in refused(tmp_path, path, "--base", "pelvis")
+    assert "gone.xml: is neither" in refused(tmp_path, path, gripper=tmp_path / "gone.xml")
+    assert "has no link 'pelvis'; links are base" in refused(tmp_path, path, base="pelvis")
     (path.parent / "second.urdf").write_text(path.read_text())
     assert "expected one .urdf, found second.urdf, tiny.urdf" in refused(tmp_path, tmp_path / "vendor")

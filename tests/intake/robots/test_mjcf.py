@@ -124,7 +124,7 @@ def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, wor
     monkeypatch.chdir(tmp_path)
     gripper = put(tmp_path, LINKAGE, "gripper.xml")
     path = put(tmp_path / "a" / "b" / "c", ARM.replace(old, new).replace("END", FLANGE))
-    assert words in refused(tmp_path, path, "--gripper", gripper)
+    assert words in refused(tmp_path, path, gripper=gripper)
     assert not list(tmp_path.glob("MUJOCO_LOG*"))
 
 
@@ -138,7 +138,7 @@ def test_an_mjcf_that_is_no_arm_is_one_line(tmp_path, monkeypatch, old, new, wor
 )
 def test_a_gripper_that_cannot_be_used_is_one_line(tmp_path, text, words):
     gripper = put(tmp_path, text, "gripper.xml")
-    refused(tmp_path, put(tmp_path, ARM.replace("END", FLANGE)), "--gripper", gripper)
+    refused(tmp_path, put(tmp_path, ARM.replace("END", FLANGE)), gripper=gripper)
     with pytest.raises(UrdfError, match=words):
         mount(read(tmp_path / "a", ARM.replace("END", FLANGE)), read(tmp_path / "g", text), None)
 

@@ -1,0 +1,1 @@
+"""Mesh files of others as triangles with the colors that their files state."""

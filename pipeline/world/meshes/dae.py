@@ -1,0 +1,230 @@
+"""Reads COLLADA (.dae): triangles of the scene in metres, with the diffuse color or texture of each material.
+
+Coordinates stay along the axes of the file, as ROS reads them; `up` says which one is up.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from lxml import etree
+
+from pipeline.poses import matrix, pose, quat_about
+from pipeline.world.meshes.files import find_file, parse_xml, pixels, read_bytes
+from pipeline.world.meshes.part import Floats, Ints, Look, MeshError, MeshFile, Part, painted
+
+SKIPPED = ("lines", "linestrips")
+DEEPEST = 100  # instances of nodes inside each other
+MOST = 20_000  # placed geometries
+
+type Element = Any
+
+
+def read_dae(file: Path, within: Path) -> MeshFile:
+    """The parts of a COLLADA file in metres; files that it names lie below `within`. Raises MeshError."""
+    reader = _Reader(file, within, _without_namespaces(parse_xml(read_bytes(file))))
+    parts = tuple(part.moved(reader.unit()) for part in reader.parts())
+    up = (reader.root.findtext("asset/up_axis") or "Y_UP").strip()[:1].lower()
+    return MeshFile(parts, tuple(dict.fromkeys(reader.notes)), up)
+
+
+def _without_namespaces(root: Element) -> Element:
+    for element in root.iter(etree.Element):
+        element.tag = etree.QName(element).localname
+    return root
+
+
+class _Reader:
+    """One document: elements by their id, and what was left out."""
+
+    def __init__(self, file: Path, within: Path, root: Element) -> None:
+        self.file, self.within, self.root = file, within, root
+        self.notes: list[str] = []
+        self._by_id = {e.get("id"): e for e in root.iter(etree.Element) if e.get("id")}
+        self._images: dict[str, np.ndarray | None] = {}
+        self._placed = 0
+
+    def unit(self) -> Floats:
+        """The matrix (4,4) from units of the file to metres."""
+        unit = self.root.find("asset/unit")
+        metres = 1.0 if unit is None else float(unit.get("meter", 1.0))
+        if not 1e-6 <= metres <= 1e6:
+            raise MeshError(f"has a unit of {metres:g} metres")
+        return np.diag([metres, metres, metres, 1.0])
+
+    def parts(self) -> Iterator[Part]:
+        """The triangles of the scene; of a file without one, those of all geometries."""
+        instance = self.root.find("scene/instance_visual_scene")
+        if instance is None:
+            for geometry in self.root.iterfind("library_geometries/geometry"):
+                yield from self._geometry(geometry, {})
+            return
+        for node in self._target(instance).iterfind("node"):
+            yield from self._node(node, np.eye(4), 0)
+
+    def _target(self, element: Element, key: str = "url") -> Element:
+        """The element that an attribute names, as `#id`."""
+        name = element.get(key, "")
+        if not name.startswith("#") or name[1:] not in self._by_id:
+            raise MeshError(f"<{element.tag}> names {name[:60]!r}, which the file does not hold")
+        return self._by_id[name[1:]]
+
+    def _node(self, node: Element, above: Floats, depth: int) -> Iterator[Part]:
+        if depth > DEEPEST:
+            raise MeshError(f"has nodes nested more than {DEEPEST} deep, or in a circle")
+        at = above @ _placement(node)
+        for element in node.iterchildren(etree.Element):
+            if element.tag == "node":
+                yield from self._node(element, at, depth + 1)
+            elif element.tag == "instance_node":
+                yield from self._node(self._target(element), at, depth + 1)
+            elif element.tag in ("instance_geometry", "instance_controller"):
+                self._placed += 1
+                if self._placed > MOST:
+                    raise MeshError(f"places more than {MOST} geometries")
+                geometry = self._target(element)
+                if geometry.tag == "controller":
+                    self.notes.append("ignores the skin of a mesh: it is drawn as it is stored")
+                    geometry = self._target(_child(geometry, "skin"), "source")
+                materials = {m.get("symbol"): m for m in element.iter("instance_material")}
+                for part in self._geometry(geometry, materials):
+                    yield part.moved(at)
+
+    def _geometry(self, geometry: Element, materials: dict[str | None, Element]) -> Iterator[Part]:
+        mesh = geometry.find("mesh")
+        for element in () if mesh is None else mesh.iterchildren(etree.Element):
+            if element.tag in SKIPPED:
+                self.notes.append("leaves out lines")
+            elif element.find("p") is not None or element.find("ph") is not None:
+                yield self._primitive(element, materials.get(element.get("material")))
+
+    def _primitive(self, element: Element, bound: Element | None) -> Part:
+        if element.find("ph") is not None:
+            raise MeshError("has a polygon with a hole (<ph>), which is not read; make it triangles")
+        inputs = [(i.get("semantic"), int(i.get("offset", 0)), i) for i in element.iterfind("input")]
+        stride = 1 + max(offset for _, offset, _ in inputs)
+        rows = [np.array((p.text or "").split(), np.int64).reshape(-1, stride) for p in element.iterfind("p")]
+        corners = np.concatenate(rows)[_triangles(element, [len(row) for row in rows])]
+        chosen = {semantic: (offset, i) for semantic, offset, i in reversed(inputs)}
+        offset, vertex = chosen["VERTEX"]
+        position = next(i for i in self._target(vertex, "source").iterfind("input") if i.get("semantic") == "POSITION")
+        points, which = self._source(position)[:, :3], corners[..., offset]
+        if not len(which) or which.min() < 0 or which.max() >= len(points):
+            raise MeshError("has a triangle of vertices that it does not hold")
+        part = Part(points[which].reshape(-1, 3), np.arange(which.size).reshape(-1, 3))
+        look = Look() if bound is None else self._look(self._target(bound, "target"))
+        if look.texture is not None and "TEXCOORD" in chosen:
+            offset, source = chosen["TEXCOORD"]
+            uv = self._source(source)[:, :2][corners[..., offset].ravel()]
+            return replace(part, look=look, uv=uv * [1, -1] + [0, 1])
+        if look.texture is not None:
+            self.notes.append("has a texture and no coordinates for it: it is not drawn")
+        if bound is None and "COLOR" in chosen:
+            offset, source = chosen["COLOR"]
+            return painted(part, self._source(source)[:, :3][corners[..., offset].ravel()])
+        return replace(part, look=Look(look.color))
+
+    def _source(self, element: Element) -> Floats:
+        """The numbers (N,W) of a source."""
+        source = self._target(element, "source")
+        accessor = source.find("technique_common/accessor")
+        array = source.find("float_array")
+        if accessor is None or array is None:
+            raise MeshError("has a source without numbers")
+        stride, offset = int(accessor.get("stride", 1)), int(accessor.get("offset", 0))
+        values = np.array((array.text or "").split(), float)[offset:]
+        return values[: len(values) // stride * stride].reshape(-1, stride)
+
+    def _look(self, material: Element) -> Look:
+        """The diffuse color or texture of a material; a lamp's color of one that only shines."""
+        effect = self._target(_child(material, "instance_effect"))
+        profile = _child(effect, "profile_COMMON")
+        technique = _child(profile, "technique")
+        for kind in ("phong", "lambert", "blinn", "constant"):
+            shader = technique.find(kind)
+            if shader is None:
+                continue
+            light = shader.find("emission" if kind == "constant" else "diffuse")
+            color = None if light is None else light.find("color")
+            texture = None if light is None else light.find("texture")
+            if texture is not None:
+                return Look((0.8, 0.8, 0.8), self._texture(texture.get("texture", ""), profile))
+            if color is not None:
+                r, g, b = np.clip([float(v) for v in (color.text or "").split()][:3], 0, 1).tolist()
+                return Look((r, g, b))
+        self.notes.append("has a material without a diffuse color")
+        return Look()
+
+    def _texture(self, name: str, profile: Element) -> np.ndarray | None:
+        """The pixels (H,W,4) of a texture; None, and a note, where its file is missing."""
+        for _ in range(3):  # a sampler, its surface, its image
+            parameter = next((p for p in profile.iterfind("newparam") if p.get("sid") == name), None)
+            if parameter is None:
+                break
+            found = next((e for e in parameter.iter("source", "init_from", "instance_image")), None)
+            name = "" if found is None else (found.get("url", "").lstrip("#") or found.text or "").strip()
+        image = self._by_id.get(name)
+        start = None if image is None else next(image.iter("init_from"), None)
+        written = "" if start is None else "".join(start.itertext()).strip()
+        if written not in self._images:
+            self._images[written] = self._load(written)
+        return self._images[written]
+
+    def _load(self, written: str) -> np.ndarray | None:
+        try:
+            path = find_file(unquote(written).removeprefix("file://"), self.file.parent, self.within)
+        except MeshError as error:
+            if "outside of" in str(error):
+                raise
+            self.notes.append(f"has no texture: {error}; it is drawn grey")
+            return None
+        return pixels(read_bytes(path))
+
+
+def _child(element: Element, tag: str) -> Element:
+    found = element.find(tag)
+    if found is None:
+        raise MeshError(f"has a <{element.tag}> without a <{tag}>")
+    return found
+
+
+def _placement(node: Element) -> Floats:
+    """The matrix (4,4) of a node in its parent."""
+    out = np.eye(4)
+    for element in node.iterchildren("matrix", "translate", "rotate", "scale", "lookat", "skew"):
+        if element.tag in ("lookat", "skew"):
+            raise MeshError(f"places a node by <{element.tag}>, which is not read; use <matrix>")
+        values = np.array((element.text or "").split(), float)
+        if element.tag == "matrix":
+            step = values.reshape(4, 4)
+        elif element.tag == "translate":
+            step = matrix(pose(values[:3]))
+        elif element.tag == "scale":
+            step = np.diag([*values[:3], 1.0])
+        else:
+            step = matrix(pose((0, 0, 0), quat_about(values[:3], float(np.radians(values[3])))))
+        out = out @ step
+    return out
+
+
+def _triangles(element: Element, lengths: list[int]) -> Ints:
+    """Triangles (M,3) of the corners of a primitive, whose <p> have these lengths."""
+    starts = np.cumsum([0, *lengths])
+    if element.tag == "triangles":
+        return np.arange(starts[-1] // 3 * 3).reshape(-1, 3)
+    if element.tag == "polylist":
+        counts = np.array(element.findtext("vcount", "").split(), np.int64)
+        starts = np.cumsum([0, *counts])
+        if starts[-1] != lengths[0]:
+            raise MeshError("has a <polylist> whose vcount does not fit its corners")
+    elif element.tag not in ("polygons", "trifans", "tristrips"):
+        raise MeshError(f"has a <{element.tag}>, which is not read; make it triangles")
+    faces = []
+    for start, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        for k in range(start + 1, end - 1):
+            strip = (k - 1, k, k + 1) if (k - start) % 2 else (k, k - 1, k + 1)
+            faces.append(strip if element.tag == "tristrips" else (start, k, k + 1))
+    return np.array(faces, np.int64).reshape(-1, 3)

@@ -1,0 +1,137 @@
+"""Files that a file of others names: found below one folder by the name that is written, or refused with the cause."""
+
+import io
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path, PureWindowsPath
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from pipeline.data.reading import read_regular
+from pipeline.world.meshes.part import MeshError
+
+LFS_POINTER = b"version https://git-lfs"
+MAX_BYTES = 256_000_000
+MAX_NAME = 500  # characters of a file name
+MAX_PIXELS = 8192 * 8192
+MAX_TRIANGLES = 500_000  # of one file: a link or an object is drawn with 2000 at most
+TEXTURE = 512  # pixels of a kept texture's longer edge at most
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file. Raises MeshError for one that is missing, too large, no regular file
+    or a pointer of Git LFS."""
+    try:
+        if (size := path.stat().st_size) > MAX_BYTES:
+            raise MeshError(f"{path}: has {size} bytes; a file has at most {MAX_BYTES}")
+        data = read_regular(path)
+    except OSError as error:
+        raise MeshError(f"{path}: {error.strerror}") from error
+    if data.startswith(LFS_POINTER):
+        raise MeshError(f"{path}: a Git LFS pointer; run `git lfs pull` in that repository")
+    return data
+
+
+def find_file(name: str, beside: Path, within: Path) -> Path:
+    """The file `name`, relative to the folder `beside`, below the folder `within`.
+
+    Raises MeshError, which names the cause: another way of writing, a place outside, no file.
+    """
+    check_name(name)
+    path = _below(beside / name, within, name)
+    if path.is_file():
+        return path
+    for near, why in similar(name, beside, within):
+        raise MeshError(f"{name!r} {why}; write {os.path.relpath(near, beside.resolve())!r}")
+    missing = "is no regular file" if path.exists() else f"was not found in {beside}"
+    raise MeshError(f"{name!r} {missing}")
+
+
+def check_name(name: str) -> None:
+    """Raise MeshError for a name that is empty, too long, a URL or an absolute path."""
+    if not name.strip() or len(name) > MAX_NAME or not name.isprintable():
+        raise MeshError(f"{name[:60]!r} is no name of a file")
+    if "://" in name:
+        raise MeshError(f"{name!r} is a URL; name a file relative to this one")
+    if Path(name).is_absolute() or PureWindowsPath(name).drive or name.startswith("\\"):
+        raise MeshError(f"{name!r} is an absolute path; name the file relative to this one")
+
+
+def similar(name: str, beside: Path, within: Path) -> Iterator[tuple[Path, str]]:
+    """Files below `within` that a name may mean, each with what is wrong with the name."""
+    slashes = name.replace("\\", "/")
+    ways = ((slashes, "has backslashes"), (unquote(slashes), "has percent signs"))
+    for written, why in ways:
+        path = _in_any_case(beside, written)
+        if path is None or not path.resolve().is_relative_to(within.resolve()):
+            continue
+        same = os.path.normpath(beside / written) == os.path.normpath(path)
+        yield path, why if same else "is written in another case"
+
+
+def _in_any_case(folder: Path, name: str) -> Path | None:
+    for part in Path(name).parts:
+        if part == ".." or (folder / part).exists():
+            folder = folder / part
+            continue
+        try:
+            entries = sorted(folder.iterdir())
+        except OSError:
+            return None
+        alike = [entry for entry in entries if entry.name.lower() == part.lower()]
+        if not alike:
+            return None
+        folder = alike[0]
+    return folder if folder.is_file() else None
+
+
+def _below(path: Path, within: Path, name: str) -> Path:
+    found = path.resolve()
+    if not found.is_relative_to(within.resolve()):
+        plain = Path(os.path.normpath(path.absolute()))
+        linked = any(plain.is_relative_to(top) for top in (within.absolute(), within.resolve()))
+        why = "is a link to a file outside of" if linked else "is outside of"
+        raise MeshError(f"{name!r} {why} {within}; copy the file there")
+    return found
+
+
+def parse_xml(data: bytes) -> Any:
+    """The root element of an XML text. Raises MeshError for broken XML, and for a document type."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+    try:
+        root = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, LookupError, ValueError) as error:
+        why = " ".join(str(error).split())[:160]
+        raise MeshError(f"not readable as XML ({why})") from error
+    if root.getroottree().docinfo.doctype:
+        raise MeshError("declares a document type, which it does not need; remove <!DOCTYPE ...>")
+    return root
+
+
+def pixels(data: bytes) -> NDArray[np.uint8]:
+    """An image file as (H,W,4) sRGB, not larger than is kept.
+
+    Raises MeshError for one that is damaged, or unpacks to more than MAX_PIXELS.
+    """
+    from PIL import Image  # takes longer than a robot without textures
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data))
+            width, height = image.size
+            if width * height > MAX_PIXELS:
+                raise MeshError(f"has a texture of {width} x {height} pixels; make it smaller")
+            small = image.convert("RGBA")
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        why = " ".join(str(error).split())[:80]
+        raise MeshError(f"has a texture that is no image ({why})") from error
+    if (scale := TEXTURE / max(width, height)) < 1:
+        size = max(1, round(width * scale)), max(1, round(height * scale))
+        small = small.resize(size)
+    return np.array(small, np.uint8)

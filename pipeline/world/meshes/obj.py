@@ -1,0 +1,233 @@
+"""Reads Wavefront OBJ with its MTL: faces by material, colors Kd, textures map_Kd, colors of vertices."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.world.meshes.files import find_file, pixels, read_bytes, similar
+from pipeline.world.meshes.part import (
+    Color,
+    Floats,
+    Look,
+    MeshError,
+    MeshFile,
+    Part,
+    painted,
+    tinted,
+)
+
+SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
+"""Options of a texture with several numbers, at most; the others have one word."""
+
+
+@dataclass(frozen=True)
+class _Material:
+    """What an MTL states: Kd (sRGB), the texture's file, and how its coordinates are changed."""
+
+    kd: Color | None = None
+    texture: str = ""
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(eq=False)
+class _Faces:
+    """Corners of the triangles of one material: numbers of points and of coordinates (-1: none)."""
+
+    points: list[int] = field(default_factory=list)
+    uvs: list[int] = field(default_factory=list)
+
+    def add(self, corners: list[str], points: int, uvs: int) -> None:
+        """Add a polygon as a fan of triangles."""
+        at, texels = list[int](), list[int]()
+        for corner in corners:
+            point, _, rest = corner.partition("/")
+            texel = rest.partition("/")[0]
+            at.append(_index(point, points))
+            texels.append(_index(texel, uvs) if texel else -1)
+        for k in range(1, len(at) - 1):
+            self.points += (at[0], at[k], at[k + 1])
+            self.uvs += (texels[0], texels[k], texels[k + 1])
+
+
+def _index(text: str, count: int) -> int:
+    """The number from 0 of an element that is counted from 1, or back from the last one."""
+    number = int(text)
+    found = number - 1 if number > 0 else count + number
+    if number == 0 or found < 0:
+        raise MeshError("has a triangle of vertices that it does not hold")
+    return found
+
+
+def read_obj(file: Path, within: Path) -> MeshFile:
+    """The parts of an OBJ file, one a material; files that it names lie below `within`. Raises MeshError."""
+    notes: list[str] = []
+    library: dict[str, _Material] = {}
+    points, uvs = list[list[float]](), list[list[float]]()
+    groups = {"": _Faces()}
+    faces = groups[""]
+    for word, rest in _lines(read_bytes(file)):
+        if word == "v":
+            points.append([float(v) for v in rest.split()])
+        elif word == "vt":
+            uvs.append([float(v) for v in f"{rest} 0".split()[:2]])
+        elif word == "f":
+            faces.add(rest.split(), len(points), len(uvs))
+        elif word == "usemtl":
+            faces = groups.setdefault(rest, _Faces())
+        elif word == "mtllib":
+            library |= _read_library(rest, file, within, notes)
+    if library and not any(faces.points for name, faces in groups.items() if name):
+        notes.append("names a material library and uses none of it: it has no color")
+    at, colors = _vertices(points, notes)
+    texels = np.array(uvs, float).reshape(-1, 2)
+    parts = []
+    for name, faces in groups.items():
+        if not faces.points:
+            continue
+        if name and name not in library:
+            notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
+        part, uv, shade = _gather(faces, at, texels, colors)
+        parts.append(_looked(part, uv, shade, library.get(name, _Material()), (file, within, notes)))
+    return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
+
+
+def _lines(data: bytes) -> Iterator[tuple[str, str]]:
+    """The first word of each line, and the rest; a backslash at the end continues a line."""
+    text = data.decode("utf-8", "replace").replace("\r", "").replace("\\\n", " ")
+    for line in text.split("\n"):
+        words = line.split(None, 1)
+        if words and words[0][0] != "#":
+            yield words[0], words[1].strip() if len(words) > 1 else ""
+
+
+def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floats | None]:
+    """Points (P,3), and their colors (P,3) where the file has some."""
+    if any(len(point) < 3 for point in points):
+        raise MeshError("has a vertex of fewer than 3 numbers")
+    at = np.array([point[:3] for point in points], float).reshape(-1, 3)
+    if not any(len(point) >= 6 for point in points):
+        return at, None
+    if not all(len(point) >= 6 for point in points):
+        notes.append("has vertices without a color among others: they are white")
+    return at, np.array([point[3:6] if len(point) >= 6 else (1, 1, 1) for point in points], float)
+
+
+def _gather(faces: _Faces, at: Floats, texels: Floats, colors: Floats | None) -> tuple[Part, Floats | None, Floats | None]:
+    """The triangles of one material, their coordinates (P,2), and their colors (P,3), where there are some."""
+    corners = np.stack([faces.points, faces.uvs], 1)
+    if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
+        raise MeshError("has a triangle of vertices that it does not hold")
+    used, index = np.unique(corners, axis=0, return_inverse=True)
+    part = Part(at[used[:, 0]], index.reshape(-1, 3))
+    uv = texels[used[:, 1]] if len(texels) and used[:, 1].min() >= 0 else None
+    return part, uv, None if colors is None else colors[used[:, 0]]
+
+
+def _looked(
+    part: Part,
+    uv: Floats | None,
+    shade: Floats | None,
+    material: _Material,
+    place: tuple[Path, Path, list[str]],
+) -> Part:
+    """The part with its color, its texture times Kd, or the colors of its vertices times Kd."""
+    file, within, notes = place
+    kd = np.array(material.kd or (1.0, 1.0, 1.0))
+    image = None
+    if material.texture and uv is None:
+        notes.append("has a texture and no coordinates for it: the color alone is used")
+    elif material.texture:
+        image = _texture(material.texture, file, within, notes)
+    if image is not None and uv is not None:
+        moved = uv * material.scale + material.offset
+        return replace(part, look=Look((1.0, 1.0, 1.0), tinted(image, kd)), uv=moved * [1, -1] + [0, 1])
+    if shade is not None:
+        return painted(part, shade * kd)
+    return replace(part, look=Look(material.kd))
+
+
+def _texture(name: str, file: Path, within: Path, notes: list[str]):
+    """The pixels (H,W,4) of a texture; None, and a note, for one that is missing.
+
+    Raises MeshError for one outside of `within`, and for a damaged one.
+    """
+    try:
+        return pixels(read_bytes(find_file(name, file.parent, within)))
+    except MeshError as error:
+        if "outside of" in str(error):
+            raise
+        missing = str(error)
+    last = name.replace("\\", "/").rpartition("/")[2]
+    guesses = [*similar(name, file.parent, within)] or [*similar(last, file.parent, within)]
+    if not guesses:
+        notes.append(f"has no texture: {missing}; the color alone is used")
+        return None
+    notes.append(f"takes {guesses[0][0].name} for the texture {name!r}")
+    return pixels(read_bytes(guesses[0][0]))
+
+
+def _read_library(name: str, file: Path, within: Path, notes: list[str]) -> dict[str, _Material]:
+    """The materials of an MTL file; none, and a note, where it is missing."""
+    try:
+        path = find_file(name, file.parent, within)
+    except MeshError as error:
+        if "outside of" in str(error):
+            raise
+        guesses = [*similar(name.replace("\\", "/").rpartition("/")[2], file.parent, within)]
+        if not guesses:
+            notes.append(f"has no materials: {error}")
+            return {}
+        path = guesses[0][0]
+        notes.append(f"takes {path.name} for the material library {name!r}")
+    found: dict[str, _Material] = {}
+    current = ""
+    for word, rest in _lines(read_bytes(path)):
+        if word == "newmtl":
+            current = rest
+            found[current] = _Material()
+        elif word == "Kd" and current in found:
+            found[current] = replace(found[current], kd=_color(rest))
+        elif word.lower() == "map_kd" and current in found:
+            found[current] = _mapped(found[current], rest, notes)
+        elif word in ("d", "Tr") and float(rest.split()[-1]) != (1.0 if word == "d" else 0.0):
+            notes.append("draws a transparent material as opaque")
+    return found
+
+
+def _color(text: str) -> Color:
+    values = text.split()
+    if values[0] in ("spectral", "xyz"):
+        raise MeshError(f"has a color Kd {values[0]}, which is not read; write it as three numbers")
+    r, g, b = (float(v) for v in (values * 3 if len(values) == 1 else values)[:3])
+    return (min(max(r, 0.0), 1.0), min(max(g, 0.0), 1.0), min(max(b, 0.0), 1.0))
+
+
+def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
+    """The material with the texture of a line map_Kd: options first, then the name, in which spaces may be."""
+    words = text.split()
+    values: dict[str, list[float]] = {}
+    while len(words) > 1 and words[0].startswith("-"):
+        option = words.pop(0)
+        numbers: list[float] = []
+        while len(words) > 1 and len(numbers) < SEVERAL.get(option, 0) and _is_number(words[0]):
+            numbers.append(float(words.pop(0)))
+        if option in ("-s", "-o"):
+            values[option] = numbers
+            continue
+        if option not in SEVERAL:
+            words.pop(0)
+        notes.append(f"ignores the option {option} of a texture")
+    u, v, *_ = (*values.get("-s", ()), 1.0, 1.0)
+    x, y, *_ = (*values.get("-o", ()), 0.0, 0.0)
+    return replace(material, texture=" ".join(words), scale=(u, v), offset=(x, y))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,123 @@
+"""What a mesh file holds: triangles of one look each, and what was guessed or left out."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.errors import DominoError
+
+type Floats = NDArray[np.float64]
+type Ints = NDArray[np.int64]
+type Color = tuple[float, float, float]
+
+
+class MeshError(DominoError):
+    """A mesh file that cannot be used; the message is one line that names it."""
+
+
+class Look(NamedTuple):
+    """What a file states of a surface: sRGB color 0-1, and a texture (H,W,4) uint8 that replaces it."""
+
+    color: Color | None = None
+    texture: NDArray[np.uint8] | None = None
+
+
+NOTHING = Look()
+"""Of a file that states no color."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles of one look: points (P,3) m, faces (M,3), and uv (P,2), v down, for a texture."""
+
+    points: Floats
+    faces: Ints
+    look: Look = NOTHING
+    uv: Floats | None = None
+
+    def moved(self, matrix: Floats) -> "Part":
+        """The part under a 4x4 matrix. A mirroring one turns the triangles: they stay outward."""
+        mirrors = np.linalg.det(matrix[:3, :3]) < 0
+        faces = self.faces[:, ::-1] if mirrors else self.faces
+        points = self.points @ matrix[:3, :3].T + matrix[:3, 3]
+        return replace(self, points=points, faces=faces)
+
+
+class MeshFile(NamedTuple):
+    """The parts of a file, the axis that is up in it, and a line for all that is not as stated."""
+
+    parts: tuple[Part, ...]
+    notes: tuple[str, ...] = ()
+    up: str = "z"
+
+
+def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
+    """Parts of one look as one part, in the order of their first."""
+    groups: dict[tuple[Color | None, int, bool], list[Part]] = {}
+    for part in parts:
+        key = part.look.color, id(part.look.texture), part.uv is None
+        groups.setdefault(key, []).append(part)
+    return tuple(_join(group) for group in groups.values())
+
+
+def _join(parts: list[Part]) -> Part:
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    uvs = [part.uv for part in parts if part.uv is not None]
+    return Part(
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([p.faces + start for p, start in zip(parts, starts, strict=True)]),
+        parts[0].look,
+        np.concatenate(uvs) if uvs else None,
+    )
+
+
+SHADES = 31  # per channel: what two colors of a palette differ by at least is 1/31
+
+
+def painted(part: Part, colors: Floats) -> Part:
+    """A part whose triangles have the mean sRGB color of their corners, from colors (P,3) 0-1.
+
+    The renderer has no colors of vertices: the texture is a palette, with one texel a triangle.
+    """
+    mean = np.clip(colors, 0, 1)[part.faces].mean(1)
+    shades, which = np.unique(np.round(mean * SHADES), axis=0, return_inverse=True)
+    if len(shades) == 1:
+        r, g, b = mean.mean(0).tolist()
+        return replace(part, look=Look((r, g, b)), uv=None)
+    side = int(np.ceil(np.sqrt(len(shades))))
+    texture = np.full((side * side, 4), 255, np.uint8)
+    texture[: len(shades), :3] = np.round(shades / SHADES * 255)
+    texel = which.ravel()
+    uv = (np.stack([texel % side, texel // side], 1) + 0.5) / side
+    r, g, b = mean.mean(0).tolist()
+    return Part(
+        part.points[part.faces].reshape(-1, 3),
+        np.arange(3 * len(part.faces)).reshape(-1, 3),
+        Look((r, g, b), texture.reshape(side, side, 4)),
+        np.repeat(uv, 3, axis=0),
+    )
+
+
+def linear(srgb: Floats) -> Floats:
+    """Linear light of sRGB values 0-1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def srgb(light: Floats) -> Floats:
+    """sRGB values of linear light 0-1."""
+    light = np.clip(light, 0, 1)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+def tinted(image: NDArray[np.uint8], color: Floats) -> NDArray[np.uint8]:
+    """A texture (H,W,4) times an sRGB color (3,), in linear light."""
+    if np.allclose(color, 1):
+        return image
+    out = image.copy()
+    out[..., :3] = np.round(255 * srgb(linear(image[..., :3] / 255.0) * linear(color)))
+    return out

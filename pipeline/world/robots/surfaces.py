@@ -1,0 +1,86 @@
+"""The shapes of a URDF as triangles in their link's frame: what is drawn of them, and hulls that collide."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+
+from pipeline.poses import transform
+from pipeline.world.meshes.drawn import PLAIN, area_vectors, drawn
+from pipeline.world.meshes.part import Floats, Ints, Look, MeshError, Part
+from pipeline.world.meshes.reader import read_mesh
+from pipeline.world.robots.urdf_file import UrdfError, UrdfShape
+from pipeline.world.shapes import Parts
+
+TRIANGLES_PER_LINK = 1500
+FEWEST = 50  # triangles of a part of a link
+LARGEST = 10.0  # m: no vertex of a robot's link is farther from its frame
+
+
+def load_visual(shapes: Sequence[UrdfShape], notes: list[str] | None = None) -> Parts:
+    """Meshes (link frame, m) and materials of a link's shapes, of about 1500 triangles at most.
+
+    Colors of a mesh file come before those of the URDF, as in ROS. `notes` gets a line for what
+    was guessed or left out. Raises UrdfError for a file that cannot be used.
+    """
+    found = list[Part]()
+    for shape in shapes:
+        parts, read = parts_of(shape)
+        found += (replace(p, look=_stated(p.look, shape)) for p in parts)
+        if notes is not None:
+            notes += read
+    return drawn(found, TRIANGLES_PER_LINK, FEWEST)
+
+
+def _stated(look: Look, shape: UrdfShape) -> Look:
+    return Look(look.color or shape.color or PLAIN, look.texture)
+
+
+def hull(shape: UrdfShape) -> Floats:
+    """Corners (N,3) m in the link frame of the convex hull of a mesh. Raises UrdfError."""
+    points = surface(shape)[0]
+    try:
+        return np.asarray(trimesh.convex.convex_hull(points).vertices, float)
+    except Exception as error:  # qhull reports a flat mesh in errors of its own
+        raise UrdfError(f"{shape.file}: is flat, so that nothing can collide with it; give it a thickness") from error
+
+
+def surface(shape: UrdfShape) -> tuple[Floats, Ints]:
+    """Points (P,3) m in the link frame and faces (M,3) of a shape. Raises UrdfError."""
+    parts, _ = parts_of(shape)
+    starts = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+    return np.concatenate([part.points for part in parts]), np.concatenate(faces)
+
+
+def parts_of(shape: UrdfShape) -> tuple[list[Part], tuple[str, ...]]:
+    """The parts of a shape in its link's frame (m), outward also where its scale mirrors, and the notes on its file.
+
+    Raises UrdfError.
+    """
+    if shape.file is None:
+        return [_solid(shape)], ()
+    try:
+        read = read_mesh(shape.file, shape.within)
+    except MeshError as error:
+        raise UrdfError(str(error)) from error
+    scaled = [part.moved(np.diag([*shape.scale, 1.0])) for part in read.parts]
+    parts = [replace(part, points=transform(shape.origin, part.points)) for part in scaled]
+    for part in parts:
+        if not (np.abs(part.points) <= LARGEST).all():
+            raise UrdfError(f"{shape.file}: has a vertex more than {LARGEST:g} m away; mind its scale")
+    if not any(area_vectors(part.points, part.faces).any() for part in parts):
+        raise UrdfError(f"{shape.file}: all its triangles have no area; mind its scale")
+    return parts, tuple(f"{shape.file.name}: {note}" for note in read.notes)
+
+
+def _solid(shape: UrdfShape) -> Part:
+    """A box, cylinder or sphere."""
+    if shape.kind == "box":
+        mesh = trimesh.creation.box(2 * np.array(shape.size))
+    elif shape.kind == "cylinder":
+        mesh = trimesh.creation.cylinder(shape.size[0], 2 * shape.size[1])
+    else:
+        mesh = trimesh.creation.icosphere(subdivisions=2, radius=shape.size[0])
+    return Part(transform(shape.origin, mesh.vertices), np.asarray(mesh.faces, np.int64))
