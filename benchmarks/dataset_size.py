@@ -27,7 +27,7 @@ import numpy as np
 import pipeline.run.build as building
 from benchmarks.hardware import hardware
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.records import FileFacts, SlotRecord
@@ -94,8 +94,8 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     if name in ("build", "resume", "ray 1", "ray 2"):
         workers = int(name[-1]) if name.startswith("ray") else 1
         before = len(Dataset(root).entries(recipe, ()).slots) if root.exists() else 0
-        pool = Pool("ray", workers, recycle=10**6) if name.startswith("ray") else Pool()
-        result = building.build(root, recipe, pool, shown="none")
+        crew = Crew("ray", workers, recycle=10**6) if name.startswith("ray") else Crew()
+        result = building.build(root, recipe, crew, shown="none")
         stage = Dataset(root).entries(recipe, ("phases",)).table["phases"].to_pylist()[before:]
         found["slots"] = result.made
         found["first job s"] = first.stat().st_mtime - began

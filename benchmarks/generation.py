@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hardware import hardware
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Done, Limit, Pool
+from pipeline.crew.contract import Crew, Done
+from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.ledger.records import SlotRecord
@@ -66,8 +66,8 @@ def measure(recipe: Recipe, workers: int) -> list[Made]:
     with tempfile.TemporaryDirectory() as folder:
         slots = [*islice(_warming(recipe), workers), *recipe.slots()]
         jobs = deque(SlotJob(folder, recipe, slot, code_version()) for slot in slots)
-        pool = Pool("inline" if workers == 1 else "ray", workers)
-        ends = list(run(lambda: make, jobs, pool, Limit(lambda _: ATTEMPT_SECONDS * recipe.attempts)))
+        crew = Crew("inline" if workers == 1 else "ray", workers)
+        ends = list(run(lambda: make, jobs, crew, ATTEMPT_SECONDS * recipe.attempts))
     first = slots[:workers]
     return [end.result for end in ends if isinstance(end, Done) and end.job.slot not in first]
 

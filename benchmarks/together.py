@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.study.rows import markdown
-from pipeline.crew.pool import SINGLE_THREAD, Pool
+from pipeline.crew.contract import SINGLE_THREAD, Crew
 from pipeline.data.names import MOUNTED
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
@@ -68,15 +68,15 @@ def table(case: Case, episodes: int = 6) -> str:
         setup = Setup(cameras=MOUNTED[:1], textures="unseen")
         job = EpisodeJob(case, policy_name(str(path)), parse_clock("sim"), setup=setup)
         ways = (
-            ("one scene at a time", Pool(), None),
-            ("a copy of the policy in each worker", Pool("ray", cores), None),
-            (f"one policy, {WORKERS} workers, batches", Pool("ray", WORKERS), WAIT),
+            ("one scene at a time", Crew(), None),
+            ("a copy of the policy in each worker", Crew("ray", cores), None),
+            (f"one policy, {WORKERS} workers, batches", Crew("ray", WORKERS), WAIT),
         )
-        for name, pool, wait in ways:
-            spent, host, wall = _run([job] * episodes, pool, wait)
+        for name, crew, wait in ways:
+            spent, host, wall = _run([job] * episodes, crew, wait)
             periods = sum(one.periods for one in spent)
             step = (sum(one.processor for one in spent) + host) / periods
-            busy = 1 if pool.executor == "inline" else cores
+            busy = 1 if crew.executor == "inline" else cores
             rate = cores / step if wait is not None else busy / (step + 0.005)
             body.append(
                 (
@@ -91,18 +91,18 @@ def table(case: Case, episodes: int = 6) -> str:
     return markdown(head, body)
 
 
-def _run(jobs: Sequence[EpisodeJob], pool: Pool, wait: float | None) -> tuple[list[Spent], float, float]:
+def _run(jobs: Sequence[EpisodeJob], crew: Crew, wait: float | None) -> tuple[list[Spent], float, float]:
     """What each episode took, the processor time (s) of this process beside them, and the wall time (s) from the first end on."""
     for name, value in SINGLE_THREAD.items():
         os.environ[name] = value
     wanted = Evaluation((), jobs[0].policy, jobs[0].clock, setup=jobs[0].setup)
     ends: list[tuple[float, float]] = []
-    with answer_together(wanted, pool, wait) as shared:
-        warm = [replace(job, policy=shared.policy) for job in [*jobs[: pool.workers], *jobs]]
+    with answer_together(wanted, crew, wait) as shared:
+        warm = [replace(job, policy=shared.policy) for job in [*jobs[: crew.workers], *jobs]]
         found = list[Spent]()
-        for _, spent in runner(pool)(time_episode, warm):
+        for _, spent in runner(crew)(time_episode, warm):
             found.append(spent)
             ends.append((time.perf_counter(), time.process_time()))
-    first = pool.workers
-    beside = ends[-1][1] - ends[first - 1][1] if pool.executor != "inline" else 0.0
+    first = crew.workers
+    beside = ends[-1][1] - ends[first - 1][1] if crew.executor != "inline" else 0.0
     return found[first:], beside, ends[-1][0] - ends[first - 1][0]

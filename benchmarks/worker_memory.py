@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Done, Limit, Pool
+from pipeline.crew.contract import Crew, Done, result_of
+from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
@@ -59,7 +59,7 @@ def measuring() -> Callable[[SlotJob], Seen]:
     fill = slot_worker()
 
     def work(job: SlotJob) -> Seen:
-        record = fill(job)
+        record = result_of(fill(job))
         return Seen(job.slot.cell.path, len(record.attempts), record.accepted, *memory())
 
     return work
@@ -86,8 +86,8 @@ def measure(count: int) -> list[Seen]:
         Dataset(root).create(recipe)
         slots = order(recipe)
         jobs = deque(SlotJob(str(root), recipe, next(slots), code_version()) for _ in range(count))
-        limit = Limit[SlotJob](lambda _: ATTEMPT_SECONDS * recipe.attempts)
-        with closing(run(measuring, jobs, Pool("ray", 1, recycle=count + 1), limit)) as ends:
+        seconds = ATTEMPT_SECONDS * recipe.attempts
+        with closing(run(measuring, jobs, Crew("ray", 1, recycle=count + 1), seconds)) as ends:
             found = []
             for number, end in enumerate(ends, 1):
                 assert isinstance(end, Done), end

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.crew.pool import Pool
+    from pipeline.crew.contract import Crew
     from pipeline.data.dataset import Dataset
     from pipeline.data.recipe.model import Recipe
     from pipeline.data.setup import Setup
@@ -40,7 +40,7 @@ def build(recipe: Wanted, out: Place, *, workers: int = 1, progress: bool = Fals
     """
     from pipeline.run.build import build as run_build
 
-    return run_build(Path(out), _recipe(recipe), _pool(workers), shown="bar" if progress else "none")
+    return run_build(Path(out), _recipe(recipe), _crew(workers), shown="bar" if progress else "none")
 
 
 def open_dataset(path: Place) -> "Dataset":
@@ -60,7 +60,7 @@ def verify(dataset: Place, *, workers: int = 1) -> dict[str, Any]:
     """
     from pipeline.run.verify.dataset import verify as run_verify
 
-    return run_verify(open_dataset(dataset), _pool(workers))
+    return run_verify(open_dataset(dataset), _crew(workers))
 
 
 def export(
@@ -103,9 +103,9 @@ def evaluate(
     from pipeline.run.evaluation import evaluation_of, runner
 
     name = in_process(policy) if callable(policy) else isolate(policy_name(str(policy)))
-    pool, cells = _pool(1 if callable(policy) else workers), _recipe(recipe)
+    crew, cells = _crew(1 if callable(policy) else workers), _recipe(recipe)
     wanted = evaluation_of(cells, blind(cells) if setup is None else setup_of(setup), name, clock, episodes=episodes, seed=seed)
-    return run_evaluation(wanted, Path(out), runner(pool))
+    return run_evaluation(wanted, Path(out), runner(crew))
 
 
 def make_env(task: str, embodiment: str = "aloha-agilex", level: int = 1, alpha: float = 0.1, **options: Any) -> "DominoEnv":
@@ -130,8 +130,8 @@ def _recipe(given: "Wanted") -> "Recipe":
     return recipe_from(values, "recipe" if isinstance(given, Mapping) else str(given))
 
 
-def _pool(workers: int) -> "Pool":
+def _crew(workers: int) -> "Crew":
 
-    from pipeline.crew.pool import Pool, pick_executor
+    from pipeline.crew.contract import Crew, pick_executor
 
-    return Pool(*pick_executor("auto", workers))
+    return Crew(*pick_executor("auto", workers))

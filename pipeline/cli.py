@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.crew.pool import SINGLE_THREAD
+from pipeline.crew.contract import SINGLE_THREAD
 
 # before numpy, numba or Mesa read them
 for _name, _value in SINGLE_THREAD.items():

@@ -8,11 +8,14 @@ import pytest
 import typer.main
 from hypothesis import settings
 
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.crew.ray_session import session
 
 # what tests import stays: to look for garbage among it takes a tenth of the time of the imports
 gc.disable()
+
+# whatever test imports Ray first: its own runs listen on loopback
+os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 
 # what a busy machine delays is no failure
 settings.register_profile("any_machine", deadline=None)
@@ -63,5 +66,5 @@ def one_parser_for_all_commands():
 @pytest.fixture(scope="module")
 def ray_session():
     """Ray with two workers for the tests of a module."""
-    with session(Pool("ray", 2)):
+    with session(Crew("ray", 2)):
         yield

@@ -18,7 +18,7 @@ from typing import Any
 import pipeline.run.build as building
 from benchmarks.chaos.traps import CONTROL, Control, die, install
 from pipeline import cli
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew, Steps
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import Episode, EpisodeFile
@@ -102,7 +102,7 @@ class Stored:
         return replace(self._episode, spec=spec, meta=self._episode.meta.model_copy(update=changed))
 
 
-def trapped_worker() -> Callable[[SlotJob], SlotRecord]:
+def trapped_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
     """A worker of a build that notes what it is at and springs traps."""
     control, fill = Control.here(), slot_worker()
     install(control)
@@ -123,12 +123,12 @@ def trapped_worker() -> Callable[[SlotJob], SlotRecord]:
     for name, phase in PHASES.items():
         setattr(filling, name, note_phase(getattr(filling, name), phase))
 
-    def work(job: SlotJob) -> SlotRecord:
+    def work(job: SlotJob) -> Steps[SlotRecord]:
         nonlocal current
         current = job.slot.path
         control.note(current, "beginning")
         try:
-            return fill(job)
+            return (yield from fill(job))
         finally:
             control.leave()
 
@@ -150,7 +150,7 @@ def build_here(root: Path, recipe: Recipe, control: Path, stored: Path) -> None:
     prepare()
     building.refresh = lambda *_: None
     try:
-        building.build(root, recipe, Pool(), shown="none")
+        building.build(root, recipe, Crew(), shown="none")
     except OSError:
         sys.exit(2)
 

@@ -141,7 +141,7 @@ class Driver:
 
     def starting(self) -> bool:
         """Whether a worker starts."""
-        return any("ray::_Process" in line for line in self.marked().values())
+        return any("ray::CrewWorker" in line for line in self.marked().values())
 
     def begun(self) -> bool:
         """Whether a worker is, or was, at a slot."""
@@ -218,7 +218,7 @@ def _disturb(driver: Driver, site: Site, event: str) -> bool:
     """Do it; whether it could be done."""
     match event.split():
         case ["worker", "starting"]:
-            return _until(lambda: _kill_named(driver, "ray::_Process.begin"), PATIENCE)
+            return _until(lambda: _kill_named(driver, "ray::CrewWorker.begin"), PATIENCE)
         case ["trap", kind, moment]:
             driver.control.set(kind, moment)
             return True

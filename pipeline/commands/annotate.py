@@ -62,7 +62,7 @@ def annotate(
     masks = MaskOptions(source=mask_source, prompt=prompt, detector=detector, segmenter=segmenter)
     options = AnnotateOptions(seen, flow, masks, FeatureOptions(encoder=encoder))
     source = Dataset(dataset)
-    pool = common.pool_of(executor, workers, address, gpus_per_worker, runtime_env)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
     with common.resumable(dataset):
         values = run(
             dataset,
@@ -70,7 +70,7 @@ def annotate(
             options=options,
             where=where,
             render=partial(redraw, bodies=source.bodies),
-            execution=Execution(pool, device, dry_run, progress=not (as_json or quiet)),
+            execution=Execution(crew, device, dry_run, progress=not (as_json or quiet)),
         )
     if source.manifest.exists():
         recipe = source.recipe()

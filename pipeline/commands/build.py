@@ -40,12 +40,12 @@ def build(
     from pipeline.run.plan import check_bounded
 
     recipe = given.recipe()
-    pool = common.pool_of(executor, workers, address, gpus_per_worker, runtime_env)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
     kind = common.kind_of("none" if quiet else progress)
     if not given.from_file and not yes:
-        check_bounded(given.values, recipe, Dataset(out), pool.workers)
+        check_bounded(given.values, recipe, Dataset(out), crew.workers)
     with common.resumable(out):
-        result = run_build(out, recipe, pool, slot_timeout, kind)
+        result = run_build(out, recipe, crew, slot_timeout, kind)
     if kind == "json":
         print(json.dumps({"event": "result", **result.__dict__}))
     else:
@@ -136,9 +136,9 @@ def render(
     from pipeline.run.render import render as run_render
 
     changes = with_looks(given.values, visuals)
-    pool = common.pool_of(executor, workers, address, gpus_per_worker, runtime_env)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
     with common.resumable(out):
-        result = run_render(Dataset(dataset), Dataset(out), changes, pool, quiet=quiet, flags=FLAGS | {"visuals": "--visuals"})
+        result = run_render(Dataset(dataset), Dataset(out), changes, crew, quiet=quiet, flags=FLAGS | {"visuals": "--visuals"})
     lines = [
         f"{result.accepted} of {result.slots} episodes in {out} ({result.drawn} drawn by this run, {result.given_up} given up, "
         f"{result.open} not built yet in {dataset})",

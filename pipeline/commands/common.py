@@ -10,7 +10,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from pipeline.crew.pool import EXECUTORS, Pool, pick_executor
+from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
 from pipeline.crew.progress import SHOWN, Kind
 from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.dataset import Dataset, missed
@@ -138,9 +138,9 @@ def kind_of(progress: str) -> Kind:
     return cast(Kind, progress)
 
 
-def pool_of(
+def crew_of(
     executor: str, workers: int | None, address: str | None, gpus: float | None = None, runtime_env: Path | None = None
-) -> Pool:
+) -> Crew:
     """The workers that the options select; an address selects Ray."""
     if address is not None and executor == "inline":
         raise UsageError("--address names a Ray cluster and --executor inline uses none: leave one of them out")
@@ -151,7 +151,7 @@ def pool_of(
     if runtime_env is not None and address is None:
         raise UsageError("--runtime-env is for the nodes of a cluster: give its --address, or leave it out")
     name, count = executor_of("ray" if address else executor, workers)
-    return Pool(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
+    return Crew(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
 
 
 def runtime_env_of(path: Path | None) -> dict[str, Any]:

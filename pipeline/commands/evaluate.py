@@ -16,7 +16,7 @@ from pipeline.commands.common import (
     Quiet,
     UsageError,
     Workers,
-    pool_of,
+    crew_of,
     print_result,
     resumable,
     table,
@@ -87,8 +87,8 @@ def evaluate(
     recipe = given.recipe(without=("cameras",) if given.values.get("cameras") == [] else (), levels=[1])
     # each worker is a client, and a server takes one unless it was told otherwise
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
-    pool = pool_of(executor, 1 if one_client else workers, address)
-    prints = out.absolute() / PRINTS if pool.executor == "ray" and address is None else None
+    crew = crew_of(executor, 1 if one_client else workers, address)
+    prints = out.absolute() / PRINTS if crew.executor == "ray" and address is None else None
     wanted = evaluation_of(
         recipe,
         _images_setup(given, recipe),
@@ -101,7 +101,7 @@ def evaluate(
         films=films,
         answer_seconds=answer_seconds,
     )
-    together = answer_together(wanted, pool, None if batch_wait is None else batch_wait / 1000)
+    together = answer_together(wanted, crew, None if batch_wait is None else batch_wait / 1000)
     with (
         resumable(out),
         name_file(prints),
@@ -109,7 +109,7 @@ def evaluate(
         staying(),
         together as shared,
     ):
-        runs = runner(pool, EPISODE_SECONDS + ANSWERS * answer_seconds)
+        runs = runner(crew, EPISODE_SECONDS + ANSWERS * answer_seconds)
         outcome = run_evaluation(shared, out, runs, manifests, bar.set_description_str)
     if outcome.faults:
         count, first = sum(outcome.faults.values()), next(iter(outcome.faults))
@@ -219,7 +219,7 @@ def paper_table(
     setup = recipe.setup.override({"textures": "unseen"})
     named = policy_name(policy) if in_process else isolate(policy_name(policy))
     wanted = evaluation_of(recipe, setup, named, clock or "", episodes=episodes)
-    means = run_evaluation(wanted, out, runner(pool_of(executor, workers, None))).to_dict()["means"]
+    means = run_evaluation(wanted, out, runner(crew_of(executor, workers, None))).to_dict()["means"]
     rows = beside(found, means)
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
     apart += [f"tasks {tasks} alone"] if tasks else []

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, pool_of, print_result
-from pipeline.crew.pool import Pool
+from pipeline.commands.common import AsJson, Executor, Quiet, Root, Workers, crew_of, print_result
+from pipeline.crew.contract import Crew
 from pipeline.data.dataset import EDITED, Dataset
 
 FEW = 50  # slots that are judged sooner than workers are started
@@ -61,10 +61,10 @@ def verify(
     from pipeline.run.verify.tally import closing
 
     source = Dataset(dataset)
-    pool = pool_of(executor, workers, None)
+    crew = crew_of(executor, workers, None)
     if executor == "auto" and workers is None and not any(islice(source.recipe().slots(), FEW, None)):
-        pool = Pool()
-    values = run_verify(source, pool, not quiet and not as_json, draw)
+        crew = Crew()
+    values = run_verify(source, crew, not quiet and not as_json, draw)
     lines = [f"{'ok  ' if c['ok'] else 'FAIL' if c['problems'] else '??? '} {c['name']}: {c['detail']}" for c in values["checks"]]
     print_result(values, as_json, "\n".join([*lines, closing(values)]))
     if not values["ok"]:

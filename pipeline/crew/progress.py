@@ -1,64 +1,38 @@
-"""The progress of a build: counted once, shown as a bar, as JSON lines or not at all, and among the metrics of a Ray cluster."""
+"""The progress of a build: counted once; a bar, JSON lines or nothing; counters of a Ray cluster.
+
+A slot that ended is told by its attempts: rows of attempts.parquet, the last of which is accepted
+unless the slot was given up.
+"""
 
 import json
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import IO, Any, Literal
 
 from tqdm import tqdm
 
-from pipeline.crew.pool import Pool
-from pipeline.data.ledger.records import SlotRecord
-from pipeline.data.ledger.table import PLACE
-from pipeline.data.recipe.model import Slot
+from pipeline.crew.contract import Crew
 
 Kind = Literal["bar", "json", "none"]
 
-_PLACE = PLACE[:6]
-CELL = PLACE[:5]
+type Rows = Sequence[Mapping[str, Any]]
 
-
-@dataclass
-class Tally:
-    """Counts of a run: slots wanted and done, and of this run slots accepted and given up, attempts, failures by reason, slots of
-    stopped cells and workers lost."""
-
-    wanted: int
-    done: int
-    accepted: int = 0
-    given_up: int = 0
-    attempts: int = 0
-    failures: Counter[str] = field(default_factory=Counter)
-    stopped: int = 0
-    workers_lost: int = 0
-
-    def add(self, attempts: Sequence[Mapping[str, Any]]) -> None:
-        """Count a slot that is done, with these rows of attempts.parquet."""
-        accepted = any(row["outcome"] == "accepted" for row in attempts)
-        self.attempts += len(attempts)
-        self.failures.update(row["reason"] for row in attempts if row["reason"])
-        self.done += 1
-        self.accepted += accepted
-        self.given_up += not accepted
-
-    def rate(self, seconds: float) -> float:
-        """Accepted episodes an hour, of this run."""
-        return 3600 * self.accepted / max(seconds, 1e-9)
-
-    def left(self, seconds: float) -> float | None:
-        """Seconds until the rest is done, at the pace of this run; None before the first slot ends."""
-        made = self.accepted + self.given_up
-        return (self.wanted - self.done - self.stopped) * seconds / made if made else None
+CELL = ("task", "embodiment", "level", "alpha", "domain")
 
 
 class Progress:
-    """The progress of one build: counts what is done, and shows nothing of it."""
+    """Counts of a build, which are not shown.
+
+    Slots `wanted` and `done`; of this run slots `accepted`, `given_up`, and not tried because
+    their cells were `stopped`, `attempts`, `failures` by reason, and workers `lost`.
+    """
 
     def __init__(self, wanted: int, done: int) -> None:
-        self._tally = Tally(wanted, done)
+        self.wanted, self.done = wanted, done
+        self.accepted = self.given_up = self.stopped = self.attempts = self.lost = 0
+        self.failures = Counter[str]()
 
     def write_line(self, text: str) -> None:
         """Write a line for a person."""
@@ -70,26 +44,36 @@ class Progress:
         """Nothing more will come."""
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
-        """Show a change: `event` is slot or cell_stopped, with its `place`, or worker_lost."""
+        """Show a change: slot or cell_stopped, with its `place`, or worker_lost."""
 
-    def add(self, attempts: Sequence[Mapping[str, Any]]) -> None:
-        """Count a slot that is done, with these rows of attempts.parquet."""
-        self._tally.add(attempts)
-        self._show("slot", {key: attempts[-1][key] for key in _PLACE if key in attempts[-1]} if attempts else {})
+    def add(self, attempts: Rows) -> None:
+        """Count a slot that is done."""
+        accepted = any(row["outcome"] == "accepted" for row in attempts)
+        self.attempts += len(attempts)
+        self.failures.update(row["reason"] for row in attempts if row["reason"])
+        self.done += 1
+        self.accepted += accepted
+        self.given_up += not accepted
+        last = attempts[-1] if attempts else {}
+        self._show("slot", {key: last[key] for key in (*CELL, "slot") if key in last})
 
     def count_stopped(self, cell: str, slots: int, because: str) -> None:
         """Count a stopped cell: this number of its slots is not tried."""
-        self._tally.stopped += slots
+        self.stopped += slots
         self._show("cell_stopped", {"cell": cell, "because": because})
 
     def count_lost(self) -> None:
         """Count a worker that was lost and is replaced."""
-        self._tally.workers_lost += 1
+        self.lost += 1
         self._show("worker_lost", {})
+
+    def rate(self, seconds: float) -> float:
+        """Accepted episodes an hour, after so many seconds of this run."""
+        return 3600 * self.accepted / max(seconds, 1e-9)
 
 
 class Bar(Progress):
-    """One bar on standard error: slots done, episodes per hour, attempt success rate, ETA, failures by reason and workers lost."""
+    """A bar on standard error: slots, episodes per hour, attempts, ETA, failures, lost workers."""
 
     def __init__(self, wanted: int, done: int) -> None:
         super().__init__(wanted, done)
@@ -109,18 +93,26 @@ class Bar(Progress):
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
         self._bar.update(event == "slot")
-        tally, elapsed = self._tally, self._bar.format_dict["elapsed"]
-        parts = [f"{tally.rate(elapsed):.0f} ep/h, {100 * tally.accepted / max(1, tally.attempts):.0f} % of attempts"]
-        parts += [" ".join(f"{reason}:{n}" for reason, n in tally.failures.most_common(3))] if tally.failures else []
-        parts += [f"stopped: {tally.stopped}"] if tally.stopped else []
-        parts += [f"workers lost: {tally.workers_lost}"] if tally.workers_lost else []
+        rate = self.rate(self._bar.format_dict["elapsed"])
+        share = 100 * self.accepted / max(1, self.attempts)
+        parts = [f"{rate:.0f} ep/h, {share:.0f} % of attempts"]
+        if self.failures:
+            parts.append(" ".join(f"{reason}:{n}" for reason, n in self.failures.most_common(3)))
+        parts += [f"stopped: {self.stopped}"] if self.stopped else []
+        parts += [f"workers lost: {self.lost}"] if self.lost else []
         self._bar.set_postfix_str(", ".join(parts))
 
 
 class JsonLines(Progress):
     """One JSON object a change, on a line of its own (docs/cluster.md names the keys)."""
 
-    def __init__(self, wanted: int, done: int, out: IO[str] | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        wanted: int,
+        done: int,
+        out: IO[str] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         super().__init__(wanted, done)
         self._out, self._clock, self._began = out or sys.stdout, clock, clock()
         self._show("start", {})
@@ -134,50 +126,68 @@ class JsonLines(Progress):
         self.write_line(text)
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
-        elapsed = self._clock() - self._began
-        left = self._tally.left(elapsed)
+        seconds, ended = self._clock() - self._began, self.accepted + self.given_up
+        left = self.wanted - self.done - self.stopped
+        names = ("wanted", "done", "accepted", "given_up", "attempts", "failures", "stopped")
+        counts = {name: getattr(self, name) for name in names} | {"workers_lost": self.lost}
         pace = {
-            "elapsed_seconds": round(elapsed, 3),
-            "episodes_per_hour": round(self._tally.rate(elapsed), 1),
-            "eta_seconds": None if left is None else round(left, 1),
+            "elapsed_seconds": round(seconds, 3),
+            "episodes_per_hour": round(self.rate(seconds), 1),
+            "eta_seconds": round(left * seconds / ended, 1) if ended else None,
         }
-        self._write({"event": event, **place, **vars(self._tally), **pace})
+        self._write({"event": event, **place, **counts, **pace})
 
     def _write(self, values: Mapping[str, Any]) -> None:
         print(json.dumps(values), file=self._out, flush=True)
 
 
-SHOWN: dict[Kind, Callable[[int, int], Progress]] = {"bar": Bar, "json": JsonLines, "none": Progress}
+SHOWN: dict[Kind, Callable[[int, int], Progress]] = {
+    "bar": Bar,
+    "json": JsonLines,
+    "none": Progress,
+}
 """Makes the progress of a build (slots wanted, slots done before it) that is shown so."""
 
 
 COUNTERS = {
-    "domino_slots": ("Slots that ended; outcome is accepted or given_up.", (*CELL, "outcome")),
-    "domino_attempts": ("Attempts that ended; reason is that of a failure, accepted otherwise.", (*CELL, "reason")),
-    "domino_phase_seconds": ("Seconds that workers spent on accepted episodes, by phase.", ("phase",)),
+    "domino_slots": (
+        "Slots that ended; outcome is accepted or given_up.",
+        (*CELL, "outcome"),
+    ),
+    "domino_attempts": (
+        "Attempts that ended; reason is that of a failure, accepted otherwise.",
+        (*CELL, "reason"),
+    ),
+    "domino_phase_seconds": (
+        "Seconds that workers spent on accepted episodes, by phase.",
+        ("phase",),
+    ),
     "domino_workers_lost": ("Workers that died, hung, or went with their node.", ()),
 }
 """Name (Ray puts `ray_` before it and `_total` behind), what it counts, labels."""
 
 
 class Metrics:
-    """The counters of one build; they count nothing without a cluster, whose operator has `--progress json` instead.
+    """The counters of one build; without a cluster they count nothing.
 
-    Ray must run in this process when something is counted. A node shows its metrics where it has Ray's exporter (the extra
-    `metrics`); without it, counting does no harm.
+    Ray must run in this process when something is counted. A node shows its metrics if it has
+    Ray's exporter (the extra `metrics`).
     """
 
-    def __init__(self, pool: Pool) -> None:
-        self._watched = pool.address is not None
+    def __init__(self, crew: Crew) -> None:
+        self._watched = crew.address is not None
         self._counters: dict[str, Any] = {}
 
-    def count_slot(self, slot: Slot, record: SlotRecord) -> None:
-        """Count a slot that ended."""
-        cell = {name: str(getattr(slot.cell, name)) for name in CELL}
-        self._count("domino_slots", 1, cell | {"outcome": "accepted" if record.accepted else "given_up"})
-        for row in record.attempts:
+    def add(self, attempts: Rows, phases: Mapping[str, float]) -> None:
+        """Count a slot that ended: its attempts, and seconds by phase."""
+        for row in attempts if self._watched else ():
+            cell = {name: str(row[name]) for name in CELL}
             self._count("domino_attempts", 1, cell | {"reason": row["reason"] or "accepted"})
-        for phase, seconds in record.phases.items():
+            if row is attempts[-1]:
+                accepted = row["outcome"] == "accepted"
+                outcome = {"outcome": "accepted" if accepted else "given_up"}
+                self._count("domino_slots", 1, cell | outcome)
+        for phase, seconds in phases.items():
             if not phase.endswith(".cpu") and seconds > 0:
                 self._count("domino_phase_seconds", seconds, {"phase": phase})
 
@@ -189,8 +199,8 @@ class Metrics:
         if not self._watched:
             return
         if name not in self._counters:
-            from ray.util.metrics import Counter
+            from ray.util.metrics import Counter as RayCounter
 
-            said, keys = COUNTERS[name]
-            self._counters[name] = Counter(name, description=said, tag_keys=keys)
+            text, keys = COUNTERS[name]
+            self._counters[name] = RayCounter(name, description=text, tag_keys=keys)
         self._counters[name].inc(value, tags=labels)

@@ -1,5 +1,6 @@
-"""A Ray session for one run: on loopback, with a token of its own, and nothing left of it afterwards; or a cluster, joined."""
+"""Ray for one run: started on this machine, on loopback and with a token, or a cluster joined."""
 
+import logging
 import os
 import secrets
 import shutil
@@ -8,192 +9,161 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from contextlib import contextmanager, redirect_stdout
+from functools import cache
 from typing import Any
 
-from pipeline.crew.guard import guard_directory
-from pipeline.crew.pool import SINGLE_THREAD, EngineError, Pool
-from pipeline.crew.signals import defer_signals
+from pipeline.crew.contract import SINGLE_THREAD, Crew, CrewError
+from pipeline.crew.signals import hold_signals
 
 _LOOPBACK = "127.0.0.1"
+_ON_LOOPBACK = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
+"""Ray reads it when imported. "0": no cluster of machines, everything listens on loopback."""
+
+_SEES_GPUS = {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
+"""An actor without a share of a GPU still sees it: SAPIEN renders on it."""
+
 _STORE_BYTES = 80_000_000
-"""Shared memory of the object store: jobs and results are small and travel outside it; Ray takes no less."""
+"""Shared memory of the object store: jobs and results are small; Ray takes no less."""
+
 _LONGEST = 21
-"""Most characters of the directory for temporary files: a socket's path may have 107, of which Ray's part and ours take 86."""
+"""Most characters of the directory for temporary files: a socket's path may have 107."""
+
+_ANSWER_SECONDS = 10.0
+_JOIN_SECONDS = 60.0  # for a process that imports Ray and joins the cluster
+_ASK = "import sys, ray; ray.init(sys.argv[1], log_to_driver=False, configure_logging=False)"
 
 
 @contextmanager
-def session(pool: Pool) -> Iterator[None]:
-    """Ray is there within: started on this machine, or the cluster at `pool.address` joined; nothing for the inline executor.
+def session(crew: Crew) -> Iterator[None]:
+    """Ray runs within: started on this machine, or the cluster at `crew.address` joined; nothing
+    for the inline executor.
 
-    Sessions nest: where Ray runs in this process already, it is used and left as it is. Raises EngineError in one line.
+    Sessions nest: if Ray runs in this process already, it is used and left as it is. What is
+    printed within goes to standard error: Ray's lines about lost workers are no result of a
+    command. Raises CrewError in one line.
     """
-    if pool.executor == "inline":
+    if crew.executor == "inline":
         yield
         return
+    if crew.address is None:
+        os.environ.setdefault(_ON_LOOPBACK, "0")
     import ray
 
     if ray.is_initialized():
         yield
         return
-    from ray._private import utils, worker
-
-    with (
-        # Ray prints about lost workers to standard output, which belongs to the result of the command
-        _replace(worker, "print_to_stdstream", lambda *_, **__: None),
-        # and would end the process by itself on SIGTERM
-        _replace(utils, "set_sigterm_handler", lambda _: None),
-        _join(pool.address, pool.runtime_env) if pool.address else _local(pool.workers),
-    ):
+    with redirect_stdout(sys.stderr), _join(crew) if crew.address else _local(crew.workers):
         yield
 
 
 @contextmanager
 def _local(workers: int) -> Iterator[None]:
     import ray
-    from ray._private import ray_constants
-    from ray._private.node import Node
-    from ray._raylet import AuthenticationTokenLoader, Config  # pyright: ignore[reportAttributeAccessIssue]  (compiled, no stubs)
 
     threads = {name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()}
-    # an actor without a share of a GPU must still see it: SAPIEN draws on it
-    environment = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32), "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
-
-    def reload_token() -> None:
-        # in this order: a thread that still talks must not look for a token that is gone
-        Config.initialize("")
-        AuthenticationTokenLoader.instance().reset_cache()
-
-    folder = _directory()
-    with ExitStack() as cleared:
-        cleared.callback(shutil.rmtree, folder, ignore_errors=True)
-        # Ray replaces 127.0.0.1 by the machine's address, except where it believes that clusters are not supported
-        cleared.enter_context(_replace(ray_constants, "ENABLE_RAY_CLUSTER", False))
-        # one machine for one run needs none of them: autoscaler, tail of logs, server of the jobs API; 2 s and 300 MB in all
-        for unneeded in ("start_monitor", "start_log_monitor", "start_api_server"):
-            cleared.enter_context(_replace(Node, unneeded, lambda *_, **__: None))
-        try:
-            with _environment(threads | environment), defer_signals():
-                reload_token()
-                ray.init(
-                    address="local",
-                    num_cpus=workers,
-                    include_dashboard=False,
-                    object_store_memory=_STORE_BYTES,
-                    log_to_driver=False,
-                    configure_logging=False,
-                    _node_ip_address=_LOOPBACK,
-                    # below one that is ours alone: Ray opens its own, with its sockets, to everybody
-                    _temp_dir=str(folder / "r"),
-                )
-                cleared.enter_context(guard_directory(folder, "raylet"))
-                if ray.util.get_node_ip_address() != _LOOPBACK:
-                    raise EngineError(
-                        f"Ray {ray.__version__} does not stay on loopback: install the version that the lock file names"
-                    )
-            yield
-        finally:
-            with defer_signals():
-                ray.shutdown()
-                reload_token()
+    base = tempfile.gettempdir()
+    folder = tempfile.mkdtemp(prefix="domino-ray-", dir=base if len(base) <= _LONGEST else "/tmp")
+    options: dict[str, Any] = {
+        "num_cpus": workers,
+        "include_dashboard": False,
+        "object_store_memory": _STORE_BYTES,
+        "runtime_env": {"env_vars": threads | _SEES_GPUS},
+        "_temp_dir": folder,  # Ray leaves its logs there
+    }
+    try:
+        with _token():
+            _init("local", "Ray does not start", options)
+        if ray.util.get_node_ip_address() != _LOOPBACK:
+            raise CrewError(
+                "Ray was imported before this run and would listen on the network: set "
+                f"{_ON_LOOPBACK}=0 before the import, or call ray.init() yourself"
+            )
+        yield
+    finally:
+        with hold_signals():
+            ray.shutdown()
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
-def _join(address: str, wanted: Mapping[str, Any]) -> Iterator[None]:
+def _join(crew: Crew) -> Iterator[None]:
     import ray
-    from ray.exceptions import RayError
     from ray.runtime_env import RuntimeEnv
 
-    # an actor without a share of a GPU must still see it: SAPIEN draws on it
-    variables = SINGLE_THREAD | {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"} | dict(wanted.get("env_vars", {}))
-    environment: dict[str, Any] = dict(wanted) | {"env_vars": variables}
+    address = str(crew.address)
+    variables = SINGLE_THREAD | _SEES_GPUS | dict(crew.runtime_env.get("env_vars", {}))
+    environment: dict[str, Any] = dict(crew.runtime_env) | {"env_vars": variables}
     try:
         RuntimeEnv(**environment)
     except Exception as error:  # each plugin of Ray has errors of its own
-        raise EngineError(f"--runtime-env: {' '.join(str(error).split())}") from error
-    check_cluster(address)
+        raise CrewError(f"--runtime-env: {one_line(error)}") from error
+    _check_cluster(address)
     try:
-        with defer_signals():
-            try:
-                ray.init(address=address, log_to_driver=False, configure_logging=False, runtime_env=environment)
-            except (ConnectionError, RuntimeError, ValueError, RayError) as error:
-                raise EngineError(describe_refusal(address, error)) from error
+        _init(address, f"no Ray cluster at {address}", {"runtime_env": environment})
         yield
     finally:
-        with defer_signals():
+        with hold_signals():
             ray.shutdown()
 
 
-def _directory() -> Path:
-    """A new directory for Ray's sockets and logs, with a path that is short enough."""
-    base = tempfile.gettempdir()
-    return Path(tempfile.mkdtemp(prefix="domino-ray-", dir=base if len(base) <= _LONGEST else "/tmp"))
+def _init(address: str, failed: str, options: Mapping[str, Any]) -> None:
+    """Start or join Ray, which replaces the handler of SIGTERM meanwhile."""
+    import ray
+
+    with hold_signals():
+        try:
+            ray.init(address, log_to_driver=False, logging_level=logging.ERROR, **options)
+        except Exception as error:  # Ray documents no others
+            raise CrewError(f"{failed}: {one_line(error)}") from error
+
+
+def _check_cluster(address: str) -> None:
+    """Raise CrewError, in one line, if no Ray cluster at `address` (host:port) lets us in: a
+    process that joins what is no cluster, or with another token, is ended by Ray."""
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535 or "//" in host:
+        raise CrewError(f"--address {address} is not host:port: run the command on a machine of the cluster")
+    failed = f"no Ray cluster at {address}"
+    fix = "start one (docs/cluster.md), or name another --address"
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS):
+            pass
+        command = [sys.executable, "-c", _ASK, address]
+        done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=_JOIN_SECONDS)
+    except subprocess.TimeoutExpired as error:
+        raise CrewError(f"{failed}: no answer for {_JOIN_SECONDS:.0f} s; {fix}") from error
+    except (OSError, UnicodeError) as error:
+        raise CrewError(f"{failed}: {getattr(error, 'strerror', None) or error}; {fix}") from error
+    if done.returncode:
+        why = one_line(done.stderr.strip().rpartition("\n")[2])
+        raise CrewError(
+            f"{failed} lets this command in: {why}; RAY_AUTH_MODE, RAY_AUTH_TOKEN and the version "
+            "of Ray must be those that it was started with (docs/cluster.md)"
+        )
+
+
+def one_line(error: object) -> str:
+    """A message on one line, at most 300 characters."""
+    return " ".join(str(error).split())[:300]
 
 
 @contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Environment variables set within."""
-    found = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
+def _token() -> Iterator[None]:
+    """A token in the environment that Ray's processes inherit, and no other process of ours: Ray
+    asks for one by itself on one machine, and keeps it for all users to read."""
+    before = {name: os.environ.get(name) for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN")}
+    os.environ["RAY_AUTH_TOKEN"] = _make_token()
     try:
         yield
     finally:
-        for name, value in found.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
                 os.environ[name] = value
 
 
-@contextmanager
-def _replace(owner: object, name: str, value: object) -> Iterator[None]:
-    """An attribute of a module or class replaced within."""
-    found = getattr(owner, name)
-    setattr(owner, name, value)
-    try:
-        yield
-    finally:
-        setattr(owner, name, found)
-
-
-_ANSWER_SECONDS = 10.0
-_JOIN_SECONDS = 45.0  # for a process that imports Ray and asks the cluster, on a machine with much to do
-_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
-"""How a client of HTTP/2, which gRPC and so Ray speaks, begins: the fixed text and a frame of no settings (RFC 9113, 3.4)."""
-
-_SETTINGS = 4  # the kind of frame that a server of HTTP/2 begins with
-_ASK = "import sys; from ray._raylet import GcsClient; GcsClient(address=sys.argv[1]).internal_kv_get(b'session_name', b'session')"
-
-
-def check_cluster(address: str) -> None:
-    """Raise EngineError, in one line, if no Ray cluster answers at `address` (host:port) or it refuses this user."""
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal() or int(port) > 65535 or "//" in host:
-        raise EngineError(f"--address {address} is not host:port: run the command on a machine of the cluster")
-    fix = "start one (docs/cluster.md), or name another --address"
-    try:
-        with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_SECONDS) as connection:
-            connection.sendall(_PREFACE)
-            frame = connection.makefile("rb").read(9)
-    except (OSError, UnicodeError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        raise EngineError(f"no Ray cluster at {address}: {why}; {fix}") from error
-    if len(frame) < 9 or frame[3] != _SETTINGS:
-        raise EngineError(f"no Ray cluster at {address}: what answers there is something else; {fix}")
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", _ASK, address], capture_output=True, text=True, timeout=_JOIN_SECONDS, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise EngineError(f"no Ray cluster at {address}: it has not answered for {_JOIN_SECONDS:.0f} s; {fix}") from error
-    if done.returncode:
-        raise EngineError(describe_refusal(address, done.stderr.strip().rpartition("\n")[2]))
-
-
-def describe_refusal(address: str, why: object) -> str:
-    """The message for a cluster that cannot be joined."""
-    return (
-        f"no Ray cluster at {address} lets this command in: {' '.join(str(why).split())[:300]}; RAY_AUTH_MODE, RAY_AUTH_TOKEN and "
-        "the version of Ray must be those that it was started with (docs/cluster.md)"
-    )
+@cache
+def _make_token() -> str:
+    """The token of this process's own Ray, which reads it once."""
+    return secrets.token_hex(32)

@@ -1,269 +1,208 @@
-"""Jobs on Ray workers: hired, watched from outside, replaced when they are lost or have done their share."""
+"""Ray actors that work on jobs: hired, watched, and replaced when lost or after their share."""
 
 import ctypes
 import gc
-import os
-import select
 import signal
 import socket
 import time
-from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import ray
-from ray.exceptions import RayError, RayTaskError, TaskCancelledError
+from ray.exceptions import RayError, RayTaskError
 
-from pipeline.crew.guard import find_children
-from pipeline.crew.pool import Check, Died, Done, EngineError, Limit, Make, Pool
-from pipeline.crew.ray_session import session
+from pipeline.crew.contract import Check, Crew, CrewError, Done, Make, Task
+from pipeline.crew.ray_session import one_line, session
 from pipeline.data.errors import DominoError
 from pipeline.plugins import Snapshot
 
 _START_SECONDS = 300.0
-"""What a new worker may take before it can be given a job: a place on the cluster, a process, imports."""
-_STARTS = 3  # workers in a row that may fail to start, while none is at work, before the run is given up
+"""What a new worker may take until it is ready: a place on the cluster, a process, imports."""
+_STARTS = 3  # starts that may fail in a row while no worker is ready
 _POLL_SECONDS = 0.5
-_GONE_SECONDS = 10.0
 _PR_SET_PDEATHSIG = 1
-_DAEMONS = ("raylet", "gcs_server")
 
 
-def run_on_ray[J, R](
-    make: Make[J, R], jobs: deque[J], pool: Pool, limit: Limit[J], gpus: bool, check: Check | None
-) -> Generator[Done[J, R] | Died[J], None, None]:
-    """As `engine.run`, for a pool of Ray workers."""
-    with session(pool):
-        plugins = Snapshot.taken() if pool.address else Snapshot()  # workers of this machine inherit the directories
-        crew = _Crew(make, limit, pool.recycle, _share(pool, gpus), check, plugins)
-        with _daemons(pool) as check_daemons:
-            try:
-                while jobs or crew.at_work:
-                    check_daemons()
-                    crew.hire(min(pool.workers, len(jobs) + crew.at_work))
-                    crew.hand_out(jobs)
-                    yield from crew.ends()
-            finally:
-                crew.dismiss()
-
-
-def _share(pool: Pool, gpus: bool) -> float:
-    """The GPUs of each worker: as the pool says, or an equal share. Raises EngineError if the cluster does not have so many."""
-    there = float(ray.cluster_resources().get("GPU", 0))
-    if not pool.gpus:
-        return min(1.0, there / pool.workers) if gpus else 0.0
-    # a share lies on one GPU
-    room = int(there) * int(1 / pool.gpus + 1e-9) if pool.gpus <= 1 else int(there / pool.gpus)
-    if room < pool.workers:
-        has = f"{there:g} GPUs, room for {room} workers" if there else "no GPU"
-        wanted = f"{pool.workers} workers with {pool.gpus:g} GPUs each"
-        raise EngineError(f"{wanted}: Ray has {has}; fewer --workers or --gpus-per-worker")
-    return pool.gpus
-
-
-@contextmanager
-def _daemons(pool: Pool) -> Iterator[Callable[[], None]]:
-    """What raises EngineError once the raylet or the control service below this process has ended: calls to Ray wait for minutes
-    or forever then. Only where they are this run's: nodes of a cluster may come and go."""
-    found = [] if pool.address else [(name, pid) for name in _DAEMONS for pid in find_children(os.getpid(), name)]
-    names, poll = {os.pidfd_open(pid): name for name, pid in found}, select.poll()
-    for descriptor in names:
-        poll.register(descriptor, select.POLLIN)
-
-    def check() -> None:
-        for descriptor, _ in poll.poll(0):
-            name = names[descriptor]
-            raise EngineError(f"Ray's {name} has ended (killed, or no memory left?); rerun the same command to resume")
-
-    try:
-        yield check
-    finally:
-        for descriptor in names:
-            os.close(descriptor)
-
-
-class _Process:
+class CrewWorker:
     """What runs inside a Ray actor."""
 
-    def begin(self, make: Callable[[], Callable[[Any], Any]], check: Check | None, plugins: Snapshot) -> "_Place":
-        """Load plugins, look at the machine and make the work. Raises EngineError for a machine that cannot do it."""
-        # the kernel ends this process with its parent, the raylet, which ends with the driver: even one that hangs or is stopped
+    def begin(self, make: Make[Any, Any], check: Check | None, plugins: Snapshot) -> "tuple[str, str, dict[str, str]]":
+        """Load plugins, check the machine and make the work. Returns Ray's id of the node, the
+        machine's name, and what `check` found. Raises CrewError for a machine that is refused."""
+        # the kernel ends this process with its parent, the raylet, which ends with the driver:
+        # Ray itself takes up to a minute, in which a new command may have been started
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         name = f"{socket.gethostname()} ({ray.util.get_node_ip_address()})"
         try:
             plugins.load()
             facts = dict(check()) if check is not None else {}
         except DominoError as error:
-            raise EngineError(f"node {name}: {error}") from None
-        self._work = make()
+            raise CrewError(f"node {name}: {error}") from None
+        self._work: Callable[[Any], Any] = make()
         gc.collect()
         gc.freeze()  # for good, for the reason that pipeline.memory gives
-        return _Place(ray.get_runtime_context().get_node_id(), os.getpid(), name, facts)
+        return ray.get_runtime_context().get_node_id(), name, facts
 
-    def do(self, job: Any) -> Any:
-        """Run one job."""
-        return self._work(job)
+    def start(self, job: Any) -> tuple[bool, Any]:
+        """Begin a job. Returns (False, try) at its first step, or (True, result) at its end."""
+        work = self._work(job)
+        if not isinstance(work, Generator):
+            return True, work
+        self._steps = work
+        return self.go_on()
+
+    def go_on(self) -> tuple[bool, Any]:
+        """As `start`, for the next step of the job: the driver knows of each try before it runs,
+        so that a worker that dies at once has died on the right one."""
+        try:
+            return False, next(self._steps)
+        except StopIteration as end:
+            return True, end.value
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where a worker is: Ray's id of the node, its process id there, the machine's name, and what was found there."""
+class Lost[J]:
+    """A worker lost on a task: see Died; `node_lost` if its machine left the cluster."""
 
-    node: str
-    pid: int
-    name: str
-    facts: dict[str, str]
+    task: Task[J]
+    reason: Literal["worker_died", "worker_hung", "node_lost"]
+    trying: Hashable
+    seconds: float
 
 
 @dataclass(eq=False)
-class _Worker[J]:
-    """The driver's view of one worker: its actor, its job (None while it starts or waits), and signs of life."""
+class _Hired[J]:
+    """The driver's view of a worker: its task (None while it starts or waits) and its last sign."""
 
     actor: Any
-    job: J | None = None
-    ready: bool = False
     node: str = ""
-    finished: int = 0
-    process: int | None = None
-    """A file descriptor of the process where it runs on this machine: no number that the system could give to another."""
+    task: Task[J] | None = None
+    trying: Hashable = None
     since: float = field(default_factory=time.monotonic)
-    seen: Hashable = None
-    look: float = 0.0
+    finished: int = 0
 
 
-class _Crew[J, R]:
+@contextmanager
+def hire[J, R](make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> Iterator["Workers[J, R]"]:
+    """The Ray workers of a run; they are killed at its end."""
+    with session(crew):
+        # workers of this machine inherit the directories of plugins
+        plugins = Snapshot.taken() if crew.address else Snapshot()
+        workers = Workers[J, R](crew, seconds, (make, check, plugins))
+        try:
+            yield workers
+        finally:
+            workers.dismiss()
+
+
+class Workers[J, R]:
     """The workers of one run."""
 
-    def __init__(
-        self, make: Make[J, R], limit: Limit[J], recycle: int, gpus: float, check: Check | None, plugins: Snapshot
-    ) -> None:
-        self._limit, self._recycle, self._begin = limit, recycle, (make, check, plugins)
-        self._first: _Place | None = None
-        self._actor: Any = ray.remote(num_cpus=1, num_gpus=gpus, max_restarts=0, scheduling_strategy="SPREAD")(_Process)
-        self._node = ray.get_runtime_context().get_node_id()
-        self._busy: dict[ray.ObjectRef, _Worker[J]] = {}
-        self._idle: list[_Worker[J]] = []
+    def __init__(self, crew: Crew, seconds: float, begin: tuple[Any, ...]) -> None:
+        self._crew, self._seconds, self._begin = crew, seconds, begin
+        actor: Any = ray.remote(CrewWorker)
+        # a start of its own for each loss, so that one that keeps dying is noticed
+        self._actor = actor.options(num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD")
+        self._first: tuple[str, dict[str, str]] | None = None
+        self._busy: dict[ray.ObjectRef[Any], _Hired[J]] = {}  # by the answer to come
+        self._idle: list[_Hired[J]] = []
         self._failed_starts = 0
-        self._leaving: list[int] = []
 
     @property
     def at_work(self) -> int:
-        """Jobs that workers have."""
-        return sum(worker.job is not None for worker in self._busy.values())
+        """Tasks that workers have."""
+        return sum(worker.task is not None for worker in self._busy.values())
 
-    def hire(self, wanted: int) -> None:
-        """Start workers until there are so many."""
+    def free(self, waiting: int) -> int:
+        """How many of so many waiting tasks can be given now. Starts workers for the others."""
+        wanted = min(self._crew.workers, waiting + self.at_work)
         for _ in range(wanted - len(self._busy) - len(self._idle)):
-            worker = _Worker[J](self._actor.remote())
+            worker = _Hired[J](self._actor.remote())
             self._busy[worker.actor.begin.remote(*self._begin)] = worker
+        return min(waiting, len(self._idle))
 
-    def hand_out(self, jobs: deque[J]) -> None:
-        """Give jobs to workers that have none."""
-        while jobs and self._idle:
-            worker = self._idle.pop()
-            worker.job = jobs.popleft()
-            worker.since = time.monotonic()
-            worker.seen = self._limit.headway(worker.job)
-            worker.look = worker.since + self._limit.seconds(worker.job) / 10
-            self._busy[worker.actor.do.remote(worker.job)] = worker
+    def give(self, task: Task[J]) -> None:
+        """Give a task to a worker that is free."""
+        worker = self._idle.pop()
+        worker.task, worker.trying, worker.since = task, None, time.monotonic()
+        self._busy[worker.actor.start.remote(task.job)] = worker
 
-    def ends(self) -> Iterator[Done[J, R] | Died[J]]:
-        """Wait a moment for jobs to end; then look after those that take long."""
+    def ends(self) -> Iterator[Done[J, R] | Lost[J]]:
+        """Wait a moment for tasks to end; then look for workers that hang."""
         ready, _ = ray.wait(list(self._busy), timeout=_POLL_SECONDS)
-        for ref in ready:
-            worker = self._busy.pop(ref)
+        for answer in ready:
+            worker = self._busy.pop(answer)
             try:
-                result = ray.get(ref)
+                value = ray.get(answer)
             except RayTaskError as error:
-                if isinstance(error.cause, TaskCancelledError):  # what Ray makes of a KeyboardInterrupt in the work
-                    yield from self._report_loss(worker, "worker_died", str(error))
-                    continue
-                self._kill(worker)
+                ray.kill(worker.actor)
                 raise (error.cause if isinstance(error.cause, Exception) else error) from error
             except RayError as error:
-                yield from self._report_loss(worker, "worker_died" if self._there(worker) else "node_lost", str(error))
+                yield from self._lose(worker, "worker_died", str(error))
                 continue
-            job, worker.job = worker.job, None
-            if worker.ready:
-                worker.finished += 1
-            else:
-                self._welcome(worker, result)
-            if worker.finished < self._recycle:
+            if worker.task is None:
+                self._welcome(worker, *value)
+                self._idle.append(worker)
+                continue
+            worker.since, (ended, value) = time.monotonic(), value
+            if not ended:
+                worker.trying = value
+                self._busy[worker.actor.go_on.remote()] = worker
+                continue
+            job, worker.task = worker.task.job, None
+            worker.finished += 1
+            if worker.finished < self._crew.recycle:
                 self._idle.append(worker)
             else:
-                self._kill(worker)
-            if job is not None:
-                yield Done(job, result)
+                ray.kill(worker.actor)
+            yield Done(job, value)
         now = time.monotonic()
-        for ref in [ref for ref, worker in self._busy.items() if self._hangs(worker, now)]:
-            yield from self._report_loss(self._busy.pop(ref), "worker_hung", f"it took more than {_START_SECONDS:.0f} s")
+        for answer, worker in list(self._busy.items()):
+            allowed = self._seconds if worker.task else _START_SECONDS
+            if now - worker.since > allowed:
+                del self._busy[answer]
+                yield from self._lose(worker, "worker_hung", f"not ready after {allowed:.0f} s")
 
     def dismiss(self) -> None:
-        """Kill all workers and wait until those on this machine are gone."""
+        """Kill all workers."""
         for worker in [*self._idle, *self._busy.values()]:
-            self._kill(worker)
-        deadline = time.monotonic() + _GONE_SECONDS
-        while self._leaving and time.monotonic() < deadline:
-            self._close_gone(0.1)
+            ray.kill(worker.actor)
 
-    def _close_gone(self, seconds: float) -> None:
-        """Forget killed processes that are gone, after waiting at most so long for one."""
-        poll = select.poll()
-        for process in self._leaving:
-            poll.register(process, select.POLLIN)
-        for process, _ in poll.poll(1000 * seconds):
-            self._leaving.remove(process)
-            os.close(process)
-
-    def _welcome(self, worker: _Worker[J], place: _Place) -> None:
-        worker.ready, worker.node, self._failed_starts = True, place.node, 0
-        if place.node == self._node:
-            worker.process = os.pidfd_open(place.pid)
-        self._first = first = self._first or place
-        for name in sorted(first.facts.keys() | place.facts.keys()):
-            one, other = (each.facts.get(name, "none") for each in (first, place))
+    def _welcome(self, worker: _Hired[J], node: str, name: str, facts: dict[str, str]) -> None:
+        worker.node, self._failed_starts = node, 0
+        first, known = self._first = self._first or (name, facts)
+        for fact in sorted(known.keys() | facts.keys()):
+            one, other = known.get(fact, "none"), facts.get(fact, "none")
             if one != other:
-                self._kill(worker)
-                raise EngineError(
-                    f"node {place.name}: its {name} is {other}, that of node {first.name} is {one}: have the same on all nodes"
-                )
+                ray.kill(worker.actor)
+                raise CrewError(f"node {name}: its {fact} is {other}, that of node {first} is {one}: have the same on all nodes")
 
-    def _there(self, worker: _Worker[J]) -> bool:
-        """Whether the node of a worker, where it is known, is still part of the cluster."""
-        return not worker.node or any(node["Alive"] for node in ray.nodes() if node["NodeID"] == worker.node)
-
-    def _hangs(self, worker: _Worker[J], now: float) -> bool:
-        if worker.job is None:
-            return now - worker.since > _START_SECONDS
-        if now < worker.look:
-            return False
-        seconds = self._limit.seconds(worker.job)
-        worker.look = now + seconds / 10
-        seen = self._limit.headway(worker.job)
-        if seen != worker.seen:
-            worker.seen, worker.since = seen, now
-        return now - worker.since > seconds
-
-    def _report_loss(
-        self, worker: _Worker[J], reason: Literal["worker_died", "worker_hung", "node_lost"], why: str
-    ) -> Iterator[Died[J]]:
-        self._kill(worker)
-        if worker.job is not None:
-            yield Died(worker.job, reason)
+    def _lose(self, worker: _Hired[J], reason: Literal["worker_died", "worker_hung"], why: str) -> Iterator[Lost[J]]:
+        ray.kill(worker.actor)
+        alive = {node["NodeID"] for node in ray.nodes() if node["Alive"]}
+        if not alive:
+            raise CrewError("Ray has ended (killed, or no memory left?); rerun the same command to resume")
+        if worker.task is not None:
+            gone = "node_lost" if worker.node not in alive else reason
+            yield Lost(worker.task, gone, worker.trying, time.monotonic() - worker.since)
             return
         self._failed_starts += 1
-        at_work = any(other.ready for other in [*self._idle, *self._busy.values()])
+        at_work = bool(self._idle) or any(other.node for other in self._busy.values())
         if self._failed_starts >= _STARTS and not at_work:
-            raise EngineError(f"no worker starts, the last of {_STARTS} tries: {' '.join(why.split())}")
+            raise CrewError(f"no worker starts, the last of {_STARTS} tries: {one_line(why)}")
 
-    def _kill(self, worker: _Worker[J]) -> None:
-        if worker.process is not None:
-            with suppress(ProcessLookupError):
-                signal.pidfd_send_signal(worker.process, signal.SIGKILL)
-            self._leaving.append(worker.process)
-            self._close_gone(0)
-            worker.process = None
-        # on another machine, Ray asks the process to leave and kills it some seconds later
-        ray.kill(worker.actor)
+
+def _share(crew: Crew) -> float:
+    """The GPUs of each worker. Raises CrewError if the cluster has fewer."""
+    there = float(ray.cluster_resources().get("GPU", 0))
+    if not crew.gpus:
+        return min(1.0, there / crew.workers) if crew.share_gpus else 0.0
+    # a share lies on one GPU
+    per_gpu = int(1 / crew.gpus + 1e-9)
+    room = int(there) * per_gpu if crew.gpus <= 1 else int(there / crew.gpus)
+    if room < crew.workers:
+        has = f"{there:g} GPUs, room for {room} workers" if there else "no GPU"
+        raise CrewError(f"{crew.workers} workers with {crew.gpus:g} GPUs each: Ray has {has}; fewer --workers or --gpus-per-worker")
+    return crew.gpus

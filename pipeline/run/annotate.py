@@ -15,10 +15,9 @@ from pipeline.annotate.selection import STAGES, Absent, build_for_dry_run, build
 from pipeline.annotate.stage import Render, Stage, directory_of
 from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import Outcome, StageWorker
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
+from pipeline.crew.contract import Crew, Died, Done, Steps
+from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
-from pipeline.data.annotations import annotation_path
 from pipeline.data.atomic import sweep
 from pipeline.data.store.lock import exclusive
 
@@ -33,7 +32,7 @@ type Lease = tuple[str, ...]  # a job: episodes, relative to the dataset's
 class Execution:
     """How to annotate: the workers, their device, whether to only report what would be done, whether to show a bar."""
 
-    pool: Pool = field(default_factory=Pool)
+    crew: Crew = field(default_factory=Crew)
     device: str = "auto"
     dry_run: bool = False
     progress: bool = False
@@ -84,7 +83,7 @@ def annotate(
     A dry run writes and downloads nothing and needs no weights; its report lists what would run and why.
 
     Raises AnnotateError, one line, for bad input (no dataset, unknown stage or camera, a bad `where`, a model without weights),
-    Busy if another command annotates the dataset, and EngineError if workers cannot be started or keep dying.
+    Busy if another command annotates the dataset, and CrewError if workers cannot be started or keep dying.
     """
     options, execution, dataset = options or AnnotateOptions(), execution or Execution(), Path(dataset)
     dry_run = execution.dry_run
@@ -96,7 +95,7 @@ def annotate(
     if writes:
         folder.mkdir(exist_ok=True)
     # not the dataset's lock, so that a build can run meanwhile
-    with exclusive(folder) if writes else nullcontext(), session(execution.pool):
+    with exclusive(folder) if writes else nullcontext(), session(execution.crew):
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
@@ -117,41 +116,42 @@ def annotate(
 
 
 def outcomes(stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution) -> Generator[Outcome, None, None]:
-    """What becomes of one stage of each episode, in order when inline, as leases end on workers.
-
-    A worker that dies or hangs has its lease tried again one episode at a time; an episode that takes two workers with it failed.
-    """
-    pool = execution.pool
-    if pool.executor == "inline":
+    """What becomes of one stage of each episode, in order when inline, as leases end on workers. An episode that takes two workers
+    with it failed; the others of its lease are tried again."""
+    crew = execution.crew
+    if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases
         yield from StageWorker(stage, dataset, execution.dry_run).run(episodes)
         return
-    dataset, directory = dataset.resolve(), directory_of(stage)
-    jobs = deque(leases([str(e) for e in episodes], pool.workers))
+    dataset = dataset.resolve()
+    jobs = deque(leases([str(e) for e in episodes], crew.workers))
+    crew = replace(crew, share_gpus=stage.uses_models and execution.device != "cpu")
 
-    def make() -> Callable[[Lease], list[Outcome]]:
+    def make() -> Callable[[Lease], Steps[list[Outcome]]]:
         worker = StageWorker(stage, dataset, execution.dry_run)
-        return lambda lease: list(worker.run([Path(e) for e in lease]))
+        return lambda lease: _annotate(worker, lease)
 
-    def newest(lease: Lease) -> float:
-        files = [annotation_path(dataset, directory, Path(e)) for e in lease]
-        return max((f.stat().st_mtime for f in files if f.exists()), default=0.0)
-
-    limit = Limit[Lease](lambda _: EPISODE_SECONDS, newest)
-    strikes = Strikes(pool.workers)
-    with closing(run(make, jobs, pool, limit, gpus=stage.uses_models and execution.device != "cpu")) as ends:
+    with closing(run(make, jobs, crew, EPISODE_SECONDS)) as ends:
         for end in ends:
             match end:
                 case Done(_, result):
-                    strikes.clear()
                     yield from result
-                case Died(lease, _) if len(lease) > 1:
-                    jobs.extend((episode,) for episode in lease)
-                case Died((episode,), reason) if reason != "node_lost" and strikes.count_loss(episode):
+                case Died(lease, reason, trying):
+                    number = trying if isinstance(trying, int) else 0
                     why = reason.removeprefix("worker_")
-                    yield Outcome(episode, "failed", "unknown", f"its worker {why} twice; nothing was written")
-                case Died(lease, _):
-                    jobs.append(lease)
+                    yield Outcome(lease[number], "failed", "unknown", f"its worker {why} twice; nothing was written")
+                    if rest := lease[:number] + lease[number + 1 :]:
+                        jobs.append(rest)
+
+
+def _annotate(worker: StageWorker, lease: Lease) -> Steps[list[Outcome]]:
+    """The outcomes of a lease; yields the number of each episode before it is annotated."""
+    done = list[Outcome]()
+    yield 0
+    for outcome in worker.run([Path(e) for e in lease]):
+        done.append(outcome)
+        yield len(done)
+    return done
 
 
 def leases(episodes: Sequence[str], workers: int) -> Iterator[Lease]:

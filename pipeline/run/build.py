@@ -1,7 +1,6 @@
 """`domino-data build`: fill every slot of a recipe that is not filled yet, then gather attempts, provenance and the report."""
 
 import platform
-import time
 from collections import Counter, deque
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -9,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool, Strikes
+from pipeline.crew.contract import Crew, CrewError, Died, Done
+from pipeline.crew.loop import run
 from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.crew.ray_session import session
 from pipeline.data.atomic import sweep, write_atomic
@@ -31,7 +30,6 @@ from pipeline.run.floor import Probation, stops_in
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.mend import from_scenes, mend_assets, recover
 from pipeline.run.plan import cost_of
-from pipeline.run.slot import running
 from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
 from pipeline.run.slot.make import read_facts
 from pipeline.run.slot.running import NodeCheck
@@ -67,7 +65,7 @@ class BuildResult:
     stopped: list[str]
 
 
-def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar") -> BuildResult:
+def build(root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar") -> BuildResult:
     """Build the dataset, or resume its build.
 
     Every file that was written since it was last read is read: an episode whose bytes differ from the ledger's is made again, an
@@ -78,7 +76,7 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
 
     Raises DatasetError for a directory of another recipe and for variants that cannot be drawn, PolicyError if the policy to
     correct cannot be made or was made for another setup, Busy if another command writes the dataset, NoRenderer without Vulkan,
-    EngineError if workers cannot be started or keep dying.
+    CrewError if workers cannot be started or keep dying.
     """
     device = ensure_renderer()
     dataset = Dataset(root)
@@ -87,13 +85,13 @@ def build(root: Path, recipe: Recipe, pool: Pool, timeout: float = ATTEMPT_SECON
 
         check_policy(recipe)
     # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
-    with session(pool) if pool.address and not dataset.manifest.exists() else nullcontext():
+    with session(crew) if crew.address and not dataset.manifest.exists() else nullcontext():
         dataset.create(recipe)
         with exclusive(root):
-            return _build(dataset, recipe, pool, timeout, shown, device)
+            return _build(dataset, recipe, crew, timeout, shown, device)
 
 
-def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: Kind, device: str) -> BuildResult:
+def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: Kind, device: str) -> BuildResult:
     """As `build`, in a directory that is the recipe's and has what it needs."""
     slots = list(recipe.physical_slots())
     sweep(dataset.root)
@@ -106,7 +104,6 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
     todo = [slot for slot, state in known.items() if state.todo != DONE]
     parts = Counter(known[slot].todo for slot in todo)
     jobs = _jobs(dataset, recipe, known, todo)
-    running.clear_all(dataset, todo)
     progress = SHOWN[shown](len(slots), len(slots) - len(todo))
     if recovered:
         progress.write_line(f"{recovered:,} missing entries of the ledger are restored from their episodes")
@@ -114,21 +111,20 @@ def _build(dataset: Dataset, recipe: Recipe, pool: Pool, timeout: float, shown: 
     try:
         restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
         del known
-        _announce(progress, dataset, recipe, todo, pool)
+        _announce(progress, dataset, recipe, todo, crew)
         probation = Probation(dataset, recipe, jobs)
-        listeners = SlotListeners(progress, Metrics(pool), probation, ledger, unfinished)
-        lost = _fill(dataset, jobs, pool, timeout, listeners)
+        listeners = SlotListeners(progress, Metrics(crew), probation, ledger, unfinished)
+        lost = _fill(dataset, jobs, crew, timeout, listeners)
         ledger.close()
         if recipe.variants > 1:
             progress.close()
             others = (slot for slot in recipe.slots() if slot.variant)
-            problems = draw_all(work_of(dataset, dataset, recipe, others), ledger, pool, timeout, shown != "bar")
+            problems = draw_all(work_of(dataset, dataset, recipe, others), ledger, crew, timeout, shown != "bar")
             if problems:
                 raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
     finally:
         progress.close()
         ledger.close()
-        running.clear_all(dataset, todo)
         dataset.withdraw(unfinished)
         # a worker that was killed may have been writing an asset
         sweep(dataset.assets)
@@ -169,21 +165,21 @@ def restamp(dataset: Dataset, recipe: Recipe, ledger: LedgerWriter, slots: set[S
                 ledger.add(slot, replace(record, file=read_facts(dataset, slot)))
 
 
-def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[Slot], pool: Pool) -> None:
+def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[Slot], crew: Crew) -> None:
     """Print what will be made, and compile once what each worker would compile."""
     if not todo:
         return
     cost = cost_of(dataset, recipe)
     progress.write_line(
-        f"episodes to make: {len(todo):,}, in {with_urls(str(dataset.root))}; {cost.describe(len(todo), pool.workers)}. "
+        f"episodes to make: {len(todo):,}, in {with_urls(str(dataset.root))}; {cost.describe(len(todo), crew.workers)}. "
         "Ctrl-C stops; rerun the same command to resume"
     )
     if not is_compiled():
         progress.show_activity("compiling, once, about 20 s")
-        if pool.executor != "inline":
+        if crew.executor != "inline":
             warm_up(todo[0].cell.embodiment)
-    if pool.executor != "inline":
-        progress.show_activity(f"starting {pool.workers} workers")
+    if crew.executor != "inline":
+        progress.show_activity(f"starting {crew.workers} workers")
 
 
 @dataclass(frozen=True)
@@ -202,7 +198,7 @@ class SlotListeners:
         self.unfinished.discard(slot)
         self.ledger.add(slot, record)
         self.progress.add(record.attempts)
-        self.metrics.count_slot(slot, record)
+        self.metrics.add(record.attempts, record.phases)
         known = len(self.probation.stops)
         ready = self.probation.finish(slot, record.attempts)
         self.report_stopped(known)
@@ -220,44 +216,30 @@ class SlotListeners:
             self.progress.write_line(stop.describe())
 
 
-def _fill(dataset: Dataset, jobs: deque[SlotJob], pool: Pool, timeout: float, listeners: SlotListeners) -> int:
+def _fill(dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, listeners: SlotListeners) -> int:
     """Have all jobs done and their entries written; the number of workers lost on the way."""
-    limit = Limit[SlotJob](lambda _: timeout, lambda job: running.read_note(dataset, job.slot))
-    strikes, lost = Strikes(pool.workers), 0
     listeners.report_stopped()
     check = NodeCheck(str(dataset.root.resolve()), code_version())
-    with closing(run(slot_worker, jobs, pool, limit, check=check)) as ends:
+    with closing(run(slot_worker, jobs, crew, timeout, check, listeners.count_lost)) as ends:
         for end in ends:
             match end:
                 case Done(job, record):
-                    strikes.clear()
                     jobs.extend(listeners.finish(job.slot, record))
-                case Died(job, "node_lost"):
-                    lost += 1
-                    listeners.count_lost()
-                    running.clear(dataset, job.slot)
-                    jobs.append(job)
-                case Died(job, reason):
-                    lost += 1
-                    listeners.count_lost()
-                    jobs.append(_again(dataset, job, reason, strikes))
-    return lost
+                case Died(job):
+                    jobs.append(_without(job, end))
+    return listeners.progress.lost
 
 
-def _again(dataset: Dataset, job: SlotJob, reason: str, strikes: Strikes) -> SlotJob:
-    """The job to try after a worker was lost on one: the same, or without the attempt that it was the second worker to die of."""
-    found = running.read_note(dataset, job.slot)
-    running.clear(dataset, job.slot)
-    if found is None:
-        # the worker was lost before it began: on the first attempt that it would have made
+def _without(job: SlotJob, died: Died[SlotJob]) -> SlotJob:
+    """The job without the attempt that two workers died of."""
+    attempt = died.trying
+    if not isinstance(attempt, int):
+        # they died before they began: on the first attempt that they would have made
         untried = sorted(set(range(job.recipe.attempts)) - {one.attempt for one in job.lost})
         if not untried:
-            raise EngineError(f"{job.slot.path}: a worker is lost on it before it tries any seed")
-        found = untried[0], time.time()
-    attempt, began = found
-    if not strikes.count_loss(job.slot, attempt):
-        return job
-    return replace(job, lost=(*job.lost, Lost(attempt, reason, max(0.0, time.time() - began))))
+            raise CrewError(f"{job.slot.path}: a worker is lost on it before it tries any seed")
+        attempt = untried[0]
+    return replace(job, lost=(*job.lost, Lost(attempt, died.reason, died.seconds)))
 
 
 def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from tqdm import tqdm
 
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
+from pipeline.crew.contract import Crew, Died, Done
+from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.ledger.records import SlotRecord
@@ -54,33 +54,26 @@ def work_of(source: Dataset, out: Dataset, recipe: Recipe, slots: Iterable[Slot]
     return DrawWork(out, jobs, frozenset(job.slot for job in jobs if job.slot not in drawn), done, missing)
 
 
-def draw_all(work: DrawWork, ledger: LedgerWriter, pool: Pool, timeout: float, quiet: bool = False) -> list[str]:
+def draw_all(work: DrawWork, ledger: LedgerWriter, crew: Crew, timeout: float, quiet: bool = False) -> list[str]:
     """Do all of it under one progress bar and write the entries; what could not be drawn, one line each, sorted.
 
     A worker that spends more than `timeout` seconds on one episode counts as hung; an episode that takes two workers with it is a
-    problem of its own. However it ends, no new episode stays that has no entry. Raises EngineError if workers do not start or last.
+    problem of its own. However it ends, no new episode stays that has no entry. Raises CrewError if workers do not start or last.
     """
     problems, unfinished = list[str](), set(work.new)
-    jobs, strikes = deque(work.jobs), Strikes(pool.workers)
-    limit = Limit[DrawJob](lambda _: timeout)
     bar = tqdm(total=work.done + len(work.jobs), initial=work.done, unit="ep", disable=quiet, dynamic_ncols=True)
     check = NodeCheck(work.jobs[0].out, work.jobs[0].code) if work.jobs else None
-    with ExitStack() as ended, bar, closing(run(drawer, jobs, pool, limit, check=check)) as ends:
+    with ExitStack() as ended, bar, closing(run(drawer, deque(work.jobs), crew, timeout, check)) as ends:
         ended.callback(work.out.withdraw, unfinished)
         for end in ends:
             match end:
                 case Done(_, str() as problem):
-                    strikes.clear()
                     problems.append(problem)
                 case Done(job, SlotRecord() as record):
-                    strikes.clear()
                     unfinished.discard(job.slot)
                     ledger.add(job.slot, record)
-                case Died(job, reason) if reason != "node_lost" and strikes.count_loss(job.slot):
+                case Died(job, reason):
                     problems.append(f"{job.slot.path}: {reason.replace('_', ' ')} twice while drawing it")
-                case Died(job, _):
-                    jobs.append(job)
-                    continue
             if problems:
                 bar.set_postfix_str(f"{len(problems)} cannot be drawn")
             bar.update(1)

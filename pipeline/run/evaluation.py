@@ -6,8 +6,8 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from typing import Any
 
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool, Strikes
+from pipeline.crew.contract import Crew, CrewError, Died
+from pipeline.crew.loop import run
 from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
@@ -48,38 +48,32 @@ def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str =
 
 
 @contextmanager
-def answer_together(wanted: Evaluation, pool: Pool, wait: float | None) -> Iterator[Evaluation]:
-    """The evaluation with its policy made once, in this process, for all workers of a pool: a batch waits `wait` seconds for more.
+def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
+    """The evaluation with its policy made once, in this process, for all workers of a crew: a batch waits `wait` seconds for more.
 
     The same evaluation for None and for one worker. Raises PolicyError for workers on other machines, and as `host_policy`.
     """
-    if wait is None or pool.executor == "inline":
+    if wait is None or crew.executor == "inline":
         yield wanted
         return
-    if pool.address is not None:
+    if crew.address is not None:
         raise PolicyError("--batch-wait is for workers on this machine: on a cluster, name a server of serve-policy --batch-wait")
     # a worker that was replaced may still hold its place
-    with host_policy(wanted.policy, wanted.setup, 2 * pool.workers, wait) as policy:
+    with host_policy(wanted.policy, wanted.setup, 2 * crew.workers, wait) as policy:
         yield replace(wanted, policy=policy)
 
 
-def runner(pool: Pool, seconds: float = EPISODE_SECONDS) -> Runner:
+def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
     """A function (work, jobs) that yields (job, result) as jobs end. A job that loses its worker is tried a second time.
 
-    It raises EngineError where a job takes two workers with it, and what the work raises.
+    It raises CrewError where a job takes two workers with it, and what the work raises.
     """
 
     def each(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-        waiting, strikes = deque(jobs), Strikes(pool.workers)
-        with closing(run(lambda: work, waiting, pool, Limit(lambda _: seconds))) as ends:
+        with closing(run(lambda: work, deque(jobs), crew, seconds)) as ends:
             for end in ends:
-                match end:
-                    case Done(job, result):
-                        strikes.clear()
-                        yield job, result
-                    case Died(job, reason):
-                        if strikes.count_loss(job):
-                            raise EngineError(f"{str(job)[:LONGEST_NAME]}: {reason.replace('_', ' ')} twice")
-                        waiting.append(job)
+                if isinstance(end, Died):
+                    raise CrewError(f"{str(end.job)[:LONGEST_NAME]}: {end.reason.replace('_', ' ')} twice")
+                yield end.job, end.result
 
     return each

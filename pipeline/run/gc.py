@@ -35,14 +35,12 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
     Orphans are episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and partial files of
     dead processes of this machine. An episode that is whole and accepted is never removed: it goes to orphans/. An episode of the
     recipe without a ledger entry stays: a resumed build writes both again. Raises Busy if another command writes the dataset,
-    DatasetError if a build of it was killed, if its manifest was edited, and if more than LARGE of its whole episodes belong to no
+    DatasetError if its manifest was edited, and if more than LARGE of its whole episodes belong to no
     slot; OSError if a file cannot be removed.
     """
     dataset.check_seal()
     recipe = dataset.recipe()
     with exclusive(dataset.root):
-        if any((dataset.ledger.root / "running").glob("*.running")):
-            raise DatasetError(f"{dataset.root}: a build of it was killed: run it to its end first")
         found = sorted(_orphans(dataset, recipe), key=lambda orphan: orphan.path)
         if dry_run:
             return found

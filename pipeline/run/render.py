@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
@@ -41,7 +41,7 @@ def render(
     source: Dataset,
     out: Dataset,
     changes: dict[str, Any],
-    pool: Pool,
+    crew: Crew,
     *,
     quiet: bool = False,
     flags: Mapping[str, str] | None = None,
@@ -52,7 +52,7 @@ def render(
     options that gave them, for messages.
     Raises DatasetError for a source that is no dataset or has no episodes, or if `out` holds another recipe; Busy if another
     command writes `out`; RecipeError and CameraError for changes that cannot be drawn; NoRenderer without Vulkan;
-    EngineError if workers cannot be started or keep dying.
+    CrewError if workers cannot be started or keep dying.
     """
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
@@ -63,10 +63,10 @@ def render(
     device = ensure_renderer()
     out.create(recipe)
     with exclusive(out.root):
-        return _draw(source, out, recipe, pool, quiet, device)
+        return _draw(source, out, recipe, crew, quiet, device)
 
 
-def _draw(source: Dataset, out: Dataset, recipe: Recipe, pool: Pool, quiet: bool, device: str) -> RenderResult:
+def _draw(source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool, device: str) -> RenderResult:
     """As `render`, into a directory that is the recipe's and has what it needs."""
     sweep(out.root)
     out.ledger.compact()
@@ -75,7 +75,7 @@ def _draw(source: Dataset, out: Dataset, recipe: Recipe, pool: Pool, quiet: bool
     mend_assets(out, recipe, kept, from_source(out, source))
     ledger = LedgerWriter(out.ledger)
     try:
-        problems = draw_all(work, ledger, pool, ATTEMPT_SECONDS, quiet)
+        problems = draw_all(work, ledger, crew, ATTEMPT_SECONDS, quiet)
     finally:
         ledger.close()
         out.write_attempts(recipe)

@@ -4,13 +4,9 @@ import pytest
 
 pytest.importorskip("ray")
 
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.crew.progress import COUNTERS, Metrics
-from pipeline.data.keys import Key, SlotKeys
-from pipeline.data.ledger.records import SlotRecord
-from pipeline.data.recipe.model import Recipe
 
-KEYS = SlotKeys(Key({}), Key({}), Key({}))
 CELL = {"task": "click_bell", "embodiment": "aloha-agilex", "level": "2", "alpha": "0.1", "domain": "clean"}
 
 
@@ -33,29 +29,29 @@ def counted(monkeypatch):
 
 
 def ended(metrics):
-    (slot,) = Recipe(tasks=("click_bell",), levels=(2,), episodes=1).slots()
-    attempts = tuple({"reason": reason} for reason in ("no_path", "no_path", ""))
-    metrics.count_slot(slot, SlotRecord(KEYS, True, "", attempts, {"dry_run": 1.5, "dry_run.cpu": 1.0, "mend": 0.0}))
-    metrics.count_slot(slot, SlotRecord(KEYS, False, "", attempts[:1], {}))
+    failed = CELL | {"reason": "no_path", "outcome": "failed"}
+    accepted = CELL | {"reason": "", "outcome": "accepted"}
+    metrics.add([failed, failed, accepted], {"dry_run": 1.5, "dry_run.cpu": 1.0, "mend": 0.0})
+    metrics.add([failed], {})
     metrics.count_lost()
 
 
 def test_slots_attempts_seconds_and_lost_workers_are_counted(counted):
-    ended(Metrics(Pool("ray", 2, address="10.0.0.1:6379")))
+    ended(Metrics(Crew("ray", 2, address="10.0.0.1:6379")))
     failure = ("domino_attempts", 1, CELL | {"reason": "no_path"})
     assert counted == [
-        ("domino_slots", 1, CELL | {"outcome": "accepted"}),
         failure,
         failure,
         ("domino_attempts", 1, CELL | {"reason": "accepted"}),
+        ("domino_slots", 1, CELL | {"outcome": "accepted"}),
         ("domino_phase_seconds", 1.5, {"phase": "dry_run"}),
-        ("domino_slots", 1, CELL | {"outcome": "given_up"}),
         failure,
+        ("domino_slots", 1, CELL | {"outcome": "given_up"}),
         ("domino_workers_lost", 1, {}),
     ]
 
 
 def test_a_build_without_a_cluster_counts_nothing(counted):
-    ended(Metrics(Pool("ray", 2)))
-    ended(Metrics(Pool()))
+    ended(Metrics(Crew("ray", 2)))
+    ended(Metrics(Crew()))
     assert counted == []

@@ -14,7 +14,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import Dataset
 from pipeline.run.doctor.alive import RAY, judge_ray
@@ -28,8 +28,8 @@ LEFTOVER = "127.0.0.1:1"
 DRIVER = """
 import sys, time
 from collections import deque
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Limit, Pool
+from pipeline.crew.loop import run
+from pipeline.crew.contract import Limit, Crew
 from pipeline.crew.signals import Stopped, stop_on_signal
 
 def make():
@@ -38,7 +38,7 @@ def make():
 try:
     with stop_on_signal():
         print("up", flush=True)
-        for end in run(make, deque([600] * 4), Pool("ray", 2), Limit(lambda _: 600)):
+        for end in run(make, deque([600] * 4), Crew("ray", 2), Limit(lambda _: 600)):
             pass
 except Stopped:
     print("stopped", flush=True)
@@ -58,7 +58,7 @@ def driver() -> subprocess.Popen[str]:
     process = subprocess.Popen(
         [sys.executable, "-c", DRIVER], env=os.environ | {"PYTHONPATH": str(ROOT)}, start_new_session=True, **pipes
     )
-    wait_for(lambda: len([pid for pid in workers(of_session(process.pid)) if title(pid).endswith(".do")]) == 2, 120)
+    wait_for(lambda: len([pid for pid in workers(of_session(process.pid)) if title(pid).endswith((".start", ".go_on"))]) == 2, 120)
     return process
 
 
@@ -92,7 +92,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         file.parent.mkdir(exist_ok=True)
         file.write_text(LEFTOVER)
         assert leftover in file.parents and read_ray_address() == LEFTOVER
-        with session(Pool("ray", 2)):
+        with session(Crew("ray", 2)):
             import ray
 
             yield ray.get_runtime_context().gcs_address
@@ -119,7 +119,7 @@ def test_workers_that_verify_find_what_one_process_finds(built: Path, tmp_path: 
     damaged.write_bytes(damaged.read_bytes()[:5000])
     # verify notes in the ledger what it finds, so each has a copy of its own, at a path of the same length
     other = Path(shutil.copytree(dataset, tmp_path / "two"))
-    found = verify(Dataset(dataset), Pool("ray", 2))
+    found = verify(Dataset(dataset), Crew("ray", 2))
     assert not found["ok"] and found["episodes"] == 2
     assert found == verify(Dataset(other))
 

@@ -52,7 +52,7 @@ def title(pid: int) -> str:
 
 def workers(pids: list[int]) -> list[int]:
     """Those of some processes that are our Ray actors."""
-    return [pid for pid in pids if title(pid).startswith("ray::_Process")]
+    return [pid for pid in pids if title(pid).startswith("ray::CrewWorker")]
 
 
 def listening(pids: list[int]) -> set[tuple[str, int]]:

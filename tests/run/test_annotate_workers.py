@@ -13,13 +13,13 @@ from pipeline.annotate.flow_stage import FlowStage
 from pipeline.annotate.options import AnnotateOptions, FlowOptions
 from pipeline.annotate.stage import Result
 from pipeline.annotate.store import episode_paths
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.run import annotate as module
 from pipeline.run.annotate import Execution, annotate, leases, outcomes
 from tests.synthetic import episode_path, make_episode
 
 OPTIONS = AnnotateOptions(flow=FlowOptions(stride=2))
-TWO = Execution(Pool("ray", 2), device="cpu")
+TWO = Execution(Crew("ray", 2), device="cpu")
 FATAL = 3
 pytestmark = pytest.mark.usefixtures("ray_session")
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, EngineError, Limit, Pool
+from pipeline.crew.contract import Crew, CrewError, Died, Done, Limit
+from pipeline.crew.loop import run
 from tests.run.command import WANTED, contents, start
 from tests.run.processes import parents, title, wait_for
 
@@ -43,7 +43,7 @@ def test_two_nodes_build_the_bytes_of_one_process(cluster, built, tmp_path):
     process = start("build", *WANTED, "--out", out, "--quiet", "--address", cluster.address, "--workers", 2)
     nodes = {node.all_processes["raylet"][0].process.pid for node in cluster.list_all_nodes()}
     while process.poll() is None:
-        seen |= {tree[0] for pid, tree in parents().items() if tree[0] in nodes and title(pid) == "ray::_Process.do"}
+        seen |= {tree[0] for pid, tree in parents().items() if tree[0] in nodes and title(pid) == "ray::CrewWorker.start"}
         time.sleep(0.05)
     printed, err = process.communicate()
     assert process.returncode == 0, printed + err
@@ -60,10 +60,10 @@ def test_four_workers_share_a_gpu_and_a_fifth_has_no_room(cluster, tmp_path):
 
         return work
 
-    ends = list(run(make, deque(range(4)), Pool("ray", 4, cluster.address, gpus=0.25), LONG))
+    ends = list(run(make, deque(range(4)), Crew("ray", 4, cluster.address, gpus=0.25), LONG))
     assert [end.result for end in ends if isinstance(end, Done)] == ["0"] * 4
-    with pytest.raises(EngineError, match="Ray has 1 GPUs, room for 4 workers"):
-        list(run(make, deque(range(5)), Pool("ray", 5, cluster.address, gpus=0.25), LONG))
+    with pytest.raises(CrewError, match="Ray has 1 GPUs, room for 4 workers"):
+        list(run(make, deque(range(5)), Crew("ray", 5, cluster.address, gpus=0.25), LONG))
 
 
 def test_a_node_that_is_not_like_the_others_is_named(cluster):
@@ -71,23 +71,23 @@ def test_a_node_that_is_not_like_the_others_is_named(cluster):
         return {"renderer": os.environ[NAME]}
 
     def refuse() -> Mapping[str, str]:
-        raise EngineError("the dataset is not there")
+        raise CrewError("the dataset is not there")
 
     unlike = r"its renderer is (first|second), that of node .+ is (first|second): have the same"
     for check, said in ((look, unlike), (refuse, "the dataset is not there")):
         # so many that both nodes start before they are done
-        with pytest.raises(EngineError, match=f"^node .+: {said}") as caught:
-            list(run(sleeper, deque(range(200)), Pool("ray", 2, cluster.address), Limit(lambda _: 60.0), check=check))
+        with pytest.raises(CrewError, match=f"^node .+: {said}") as caught:
+            list(run(sleeper, deque(range(200)), Crew("ray", 2, cluster.address), Limit(lambda _: 60.0), check=check))
         assert "\n" not in str(caught.value)
 
 
 def test_a_runtime_environment_reaches_the_workers(cluster):
-    pool = Pool("ray", 1, cluster.address, runtime_env={"env_vars": {"WANTED": "yes"}})
+    crew = Crew("ray", 1, cluster.address, runtime_env={"env_vars": {"WANTED": "yes"}})
 
     def make() -> Callable[[int], tuple[str, str]]:
         return lambda _: (os.environ["WANTED"], os.environ["OMP_NUM_THREADS"])
 
-    assert [end.result for end in run(make, deque([0]), pool, LONG) if isinstance(end, Done)] == [("yes", "1")]
+    assert [end.result for end in run(make, deque([0]), crew, LONG) if isinstance(end, Done)] == [("yes", "1")]
 
 
 def test_a_node_that_leaves_is_not_the_fault_of_its_jobs(cluster, tmp_path: Path):
@@ -107,7 +107,7 @@ def test_a_node_that_leaves_is_not_the_fault_of_its_jobs(cluster, tmp_path: Path
     jobs, died, done = deque([0, 1]), list[str](), list[str]()
     leaving = threading.Thread(target=leave)
     leaving.start()
-    for end in run(make, jobs, Pool("ray", 2, cluster.address), Limit(lambda _: 120.0)):
+    for end in run(make, jobs, Crew("ray", 2, cluster.address), Limit(lambda _: 120.0)):
         match end:
             case Died(job, reason):
                 died.append(reason)

@@ -13,7 +13,7 @@ import pytest
 from filelock import FileLock
 
 from benchmarks.chaos.compare import compare
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.reading import printable
 from pipeline.data.sealed import seal
@@ -67,7 +67,7 @@ def whole(tmp_path_factory, worker_id):
     with FileLock(f"{shared}.lock"):
         if not shared.exists():
             making = shared.with_suffix(".making")
-            build(making, RECIPE, Pool(), shown="none")
+            build(making, RECIPE, Crew(), shown="none")
             annotate(making, ("flow",))
             dataset = Dataset(making)
             for format, options in FORMATS.items():
@@ -192,7 +192,7 @@ def test_a_build_puts_right_what_was_damaged(damages, whole, tmp_path):
         for path in sorted(dataset.glob("assets/bodies/*/*.npz"))[2:5] if file == "assets" else [dataset / file]:
             damage(path)
     assert failures(dataset) != {}  # and verify makes the build look at what has its length and time
-    build(dataset, RECIPE, Pool(), shown="none")
+    build(dataset, RECIPE, Crew(), shown="none")
     assert failures(dataset) == {}
     for folder in ("episodes", "assets"):
         files = sorted(p.relative_to(whole) for p in (whole / folder).rglob("*") if p.is_file())
@@ -216,7 +216,7 @@ def test_a_ledger_is_written_anew_from_the_episodes_which_nobody_blames_or_makes
     problems = [problem for of in failures(dataset).values() for problem in of]
     if damage is not gone:  # else there is nothing else to name
         assert problems and all(LEDGER_FILE in problem for problem in problems)
-    assert build(dataset, RECIPE, Pool(), shown="none").made == 0
+    assert build(dataset, RECIPE, Crew(), shown="none").made == 0
     assert failures(dataset) == {}
     assert compare(whole, dataset).different == []
 

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from pipeline.crew.pool import Done
+from pipeline.crew.contract import Done
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
 from pipeline.data.ledger.records import FileFacts, SlotRecord
@@ -18,7 +18,7 @@ from tests.run.command import WANTED, inside
 def failing_after_one(number):
     """An engine whose second slot finds the disk in this state."""
 
-    def run(make, jobs, pool, limit, **_):
+    def run(make, jobs, *_):
         job = jobs.popleft()
         path = Dataset(job.root).episode(job.slot)
         path.parent.mkdir(parents=True)

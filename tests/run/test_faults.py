@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.crew.pool import Limit, Pool
+from pipeline.crew.contract import Crew, Steps
 from pipeline.data.atomic import temporary_name
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.records import SlotRecord
@@ -17,7 +17,6 @@ from pipeline.run import build as build_module
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import fill as slot
-from pipeline.run.slot import running
 from pipeline.run.slot.fill import Lost, SlotJob, fill_logged, fill_slot, slot_worker
 from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
@@ -25,14 +24,12 @@ from tests.run.processes import of_session, shared_memory, title, wait_for, work
 from tests.synthetic import make_episode
 
 RECIPE = recipe_from({"tasks": "click_bell", "embodiments": "aloha", "levels": [1], "episodes": 3, "attempts": 4})
-PATIENT, HUNG = 20.0, 1.0
-"""Seconds after which a worker counts as hung: one that works on a busy machine, and one that is stopped."""
 
 
 # --- the slot ---------------------------------------------------------------------------------------------------------------
 
 
-def failing(spec, _recipe, _phases):
+def failing(spec, _recipe, _phases, _perform=None):
     """An attempt that fails in the dry run, as most do that fail."""
     raise Failure("dry_run", "no_path")
 
@@ -42,9 +39,9 @@ def seeds(recipe: Recipe) -> list[list[int]]:
     return [[recipe.spec(one, number).seed for number in range(recipe.attempts)] for one in recipe.slots()]
 
 
-def fatal_fill_slot(job: SlotJob) -> SlotRecord:
-    """Fill a slot where seeds fail, but the second seed of slot 0 kills its worker in the middle of writing an asset, always; the
-    third of slot 1 stops it, always; and the first of slot 2 kills it once."""
+def fatal_fill_slot(job: SlotJob) -> Steps[SlotRecord]:
+    """Fill a slot where seeds fail; the second seed of slot 0 kills its worker in the middle of writing an asset, always, and the
+    first of slot 1 kills it once."""
     told = seeds(job.recipe)
     once = Path(job.root) / "killed-once"
 
@@ -54,10 +51,7 @@ def fatal_fill_slot(job: SlotJob) -> SlotRecord:
             half.parent.mkdir(parents=True, exist_ok=True)
             half.touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        if spec.seed == told[1][2]:
-            (Path(job.root) / "stopped").write_text(str(os.getpid()))
-            os.kill(os.getpid(), signal.SIGSTOP)
-        if spec.seed == told[2][0] and not once.exists():
+        if spec.seed == told[1][0] and not once.exists():
             once.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         failing(spec, recipe, phases)
@@ -66,49 +60,29 @@ def fatal_fill_slot(job: SlotJob) -> SlotRecord:
     return fill_logged(job)
 
 
-def fatal_worker() -> Callable[[SlotJob], SlotRecord]:
+def fatal_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
     slot_worker()
     return fatal_fill_slot
-
-
-class StateLimit:
-    """In place of `Limit`: short for a worker that `fatal_fill_slot` has stopped, so that none is taken for one that is slow."""
-
-    def __init__(self, mark: Path):
-        self.mark = mark
-
-    def __getitem__(self, _):
-        return lambda _, headway: Limit(lambda _: HUNG if self.is_stopped() else PATIENT, headway)
-
-    def is_stopped(self) -> bool:
-        try:
-            return "State:\tT" in Path(f"/proc/{self.mark.read_text()}/status").read_text()
-        except FileNotFoundError:
-            return False
 
 
 @pytest.mark.usefixtures("ray_session")
 def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(build_module, "slot_worker", fatal_worker)
-    monkeypatch.setattr(build_module, "Limit", StateLimit(tmp_path / "out" / "stopped"))
-    result = build_module.build(tmp_path / "out", RECIPE, Pool("ray", 2), shown="none")
+    result = build_module.build(tmp_path / "out", RECIPE, Crew("ray", 2), shown="none")
     assert (result.slots, result.accepted, result.given_up, result.attempts) == (3, 0, 3, 12)
-    assert result.workers_lost == 5
-    assert result.reasons == {"no_path": 10, "worker_died": 1, "worker_hung": 1}
+    assert result.workers_lost == 3
+    assert result.reasons == {"no_path": 11, "worker_died": 1}
     dataset = Dataset(tmp_path / "out")
     assert not temporaries(dataset.root)
-    died = {(0, 1): "worker_died", (1, 2): "worker_hung"}
     for one, its_seeds in zip(RECIPE.slots(), seeds(RECIPE), strict=True):
         record = dataset.record(one)
         assert record is not None
         rows = record.attempts
         assert [row["seed"] for row in rows] == its_seeds
         for number, row in enumerate(rows):
-            reason = died.get((one.index, number))
-            assert (row["stage"], row["reason"]) == (("worker", reason) if reason else ("dry_run", "no_path"))
+            died = (one.index, number) == (0, 1)
+            assert (row["stage"], row["reason"]) == (("worker", "worker_died") if died else ("dry_run", "no_path"))
             assert row["outcome"] == "failed"
-            assert row["seconds"] >= (HUNG if reason == "worker_hung" else 0.0)
-        assert running.read_note(dataset, one) is None
         logged = dataset.log(one).read_text()
         assert all(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}" in logged for row in rows)
 
@@ -120,7 +94,7 @@ def test_an_episode_whose_entry_did_not_come_is_removed(tmp_path, monkeypatch):
 
     monkeypatch.setattr(build_module, "slot_worker", lambda: stopped)
     with pytest.raises(KeyboardInterrupt):
-        build_module.build(tmp_path / "out", RECIPE, Pool(), shown="none")
+        build_module.build(tmp_path / "out", RECIPE, Crew(), shown="none")
     assert not list(tmp_path.rglob("*.hdf5"))
 
 
@@ -146,22 +120,17 @@ def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):
     assert not record.accepted
 
 
-def test_a_note_outlives_its_writer_and_clearing_removes_what_was_half_written(tmp_path):
+def test_what_a_killed_worker_left_half_written_of_a_slot_is_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(slot, "attempt", failing)
     dataset, (one, other, _) = Dataset(tmp_path), RECIPE.slots()
-    assert running.read_note(dataset, one) is None
-    running.note(dataset, one, 7)
-    noted = running.read_note(dataset, one)
-    assert noted is not None and noted[0] == 7
     path = dataset.episode(one)
     path.parent.mkdir(parents=True)
-    half = path.with_name(f".{path.name}.123.tmp")
-    others = dataset.episode(other).with_name(f".{dataset.episode(other).name}.123.tmp")
-    for file in (half, others, path):
+    half = path.with_name(f".{path.name}.another-machine.123.tmp")
+    others = dataset.episode(other).with_name(f".{dataset.episode(other).name}.another-machine.123.tmp")
+    for file in (half, others):
         file.touch()
-    running.clear_all(dataset, list(RECIPE.slots()))
-    # a slot without a note may be another machine's
-    assert [file.exists() for file in (half, others, path)] == [False, True, True]
-    assert running.read_note(dataset, one) is None
+    fill_slot(SlotJob(str(tmp_path), RECIPE, one, code_version()))
+    assert (half.exists(), others.exists()) == (False, True)
 
 
 # --- the whole build --------------------------------------------------------------------------------------------------------
@@ -174,21 +143,17 @@ def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
     process = start("build", *WANTED, "--out", out, *options, new_session=True)
 
     def at_work() -> list[int]:
-        return [pid for pid in workers(of_session(process.pid)) if title(pid).endswith(".do")]
+        return [pid for pid in workers(of_session(process.pid)) if title(pid).endswith((".start", ".go_on"))]
 
-    def attempts() -> list[Path]:
-        return list(out.glob("ledger/**/*.running"))
-
-    wait_for(lambda: len(attempts()) == 2 and len(at_work()) == 2, 180)
+    wait_for(lambda: len(at_work()) == 2, 180)
     for worker in at_work():
         os.kill(worker, signal.SIGKILL)
     printed, err = process.communicate(timeout=PATIENCE)
-    assert (process.returncode, err) == (0, "")
+    assert process.returncode == 0, err
     result = json.loads(printed)
     assert (result["accepted"], result["made"], result["workers_lost"]) == (3, 3, 2)
     assert contents(out) == contents(built)
     assert len(slots(out)) == 3
     assert not temporaries(out)
-    assert not attempts()
     assert not of_session(process.pid)
     assert wait_for(lambda: shared_memory() <= shared)

@@ -274,15 +274,6 @@ def test_an_asset_that_only_a_kept_failure_names_stays(tmp_path):
     assert [orphan.why for orphan in collect(dataset)] == ["asset of no episode"]
 
 
-def test_a_dataset_that_is_being_built_is_left_alone(tmp_path):
-    dataset = made(tmp_path / "out", {0})
-    note = dataset.ledger.root / "running" / "x.running"
-    note.parent.mkdir()
-    note.touch()
-    with pytest.raises(DatasetError, match="a build of it was killed"):
-        collect(dataset)
-
-
 def test_a_dataset_that_another_command_writes_is_left_alone(tmp_path):
     a, b, out = made(tmp_path / "a", {0}), made(tmp_path / "b", {1}), made(tmp_path / "out", {2})
     before = everything(out.root)

@@ -3,14 +3,9 @@
 import logging
 import shutil
 import signal
-import time
 
-from pipeline.data.dataset import Dataset
 from pipeline.data.store.mirror import Mirror, open_url
 from pipeline.data.store.mirror_files import is_listed
-from pipeline.data.store.urls import CACHE
-from pipeline.run.names import recipe_from
-from pipeline.run.slot import running
 from tests.object_server import object_server
 from tests.run.command import WANTED, contents, inside, start
 from tests.run.processes import wait_for
@@ -64,25 +59,3 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
         assert (code, err.count("\n")) == (2, 1) and "there is no such bucket" in err
         code, _, err = inside("evaluate", "--out", URL, "--policy", "scripted")
         assert (code, err) == (2, f"domino-data: {URL}: evaluate takes a path of this machine there, no URL\n")
-
-
-def test_the_driver_sees_at_which_attempt_a_worker_on_another_machine_is(tmp_path, monkeypatch):
-    recipe = recipe_from({"tasks": ["click_bell"], "levels": [1], "episodes": 1}, "test")
-    (slot,) = recipe.slots()
-    monkeypatch.setenv(CACHE, str(tmp_path / "driver"))
-    with open_url(f"memory://{tmp_path.name}/set") as root:
-        driver = Dataset(root)
-        driver.create(recipe)
-        worker = Dataset(tmp_path / "worker" / "mirrors" / root.name)
-        assert running.read_note(driver, slot) is None
-        running.note(worker, slot, 3)
-        assert running.read_note(driver, slot) == running.read_note(worker, slot)
-        attempt, began = running.read_note(driver, slot)
-        assert attempt == 3 and abs(time.time() - began) < 100
-        running.note(worker, slot, 4)
-        assert running.read_note(driver, slot)[0] == 4
-        # the worker is killed
-        running.clear(driver, slot)
-        assert running.read_note(driver, slot) is None
-        running.note(driver, slot, 5)
-        assert running.read_note(driver, slot)[0] == 5 and list(Mirror(root).store.list()) == [".writing.json", "manifest.yaml"]

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
 
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.data.brought import _held_textures
 from pipeline.data.cameras import CameraType, visible
 from pipeline.data.dataset import Dataset, DatasetError
@@ -48,7 +48,7 @@ def source(tmp_path_factory, worker_id):
     shared = (base if worker_id == "master" else base.parent) / "drawn-once"
     with FileLock(f"{shared}.lock"):
         if not (shared / "report" / "index.html").exists():
-            build(shared, recipe_from(RECIPE), Pool(), shown="none")
+            build(shared, recipe_from(RECIPE), Crew(), shown="none")
     return Dataset(shared)
 
 
@@ -59,7 +59,7 @@ def mine(source, tmp_path):
 
 
 def draw(source, out, **changes):
-    return render(source, out, changes, Pool(), quiet=True)
+    return render(source, out, changes, Crew(), quiet=True)
 
 
 def files(dataset, *patterns):
@@ -115,7 +115,7 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
     changes = {"depth": True, "segmentation": True, "pointcloud": True, "cameras": ["observer", "head", corner, wrist]}
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, **changes)
-    build(built.root, recipe_from(RECIPE | changes), Pool(), shown="none")
+    build(built.root, recipe_from(RECIPE | changes), Crew(), shown="none")
     assert files(out, "episodes/**/*.hdf5") == files(built, "episodes/**/*.hdf5")
     assert failed(out) == []
     for path, plain in zip(paths(out), paths(source), strict=True):
@@ -230,11 +230,11 @@ def test_more_variants_change_none_of_those_there_are(source, tmp_path):
 def test_a_build_of_several_variants_has_those_of_a_rendering(source, tmp_path):
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, variants=2, **SMALL)
-    result = build(built.root, recipe_from(RECIPE | SMALL | {"variants": 2}), Pool(), shown="none")
+    result = build(built.root, recipe_from(RECIPE | SMALL | {"variants": 2}), Crew(), shown="none")
     assert (result.slots, result.accepted, result.made) == (4, 4, 2)
     assert files(built) == files(out)
     assert failed(built) == []
-    assert build(built.root, built.recipe(), Pool(), shown="none").made == 0
+    assert build(built.root, built.recipe(), Crew(), shown="none").made == 0
     assert files(built) == files(out)
 
 
@@ -326,7 +326,7 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
     assert process.returncode == -signal.SIGKILL
     done = len(list(out.ledger.entries()))
     assert 0 < done < 2 * variants
-    rest = render(source, out, SMALL | {"variants": variants}, Pool("ray", 2), quiet=True)
+    rest = render(source, out, SMALL | {"variants": variants}, Crew("ray", 2), quiet=True)
     assert rest.drawn == 2 * variants - done
     assert files(out) == files(whole)
     assert not list(out.root.rglob(".*.tmp"))

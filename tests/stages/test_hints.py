@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pipeline
-from pipeline.crew.pool import Died
+from pipeline.crew.contract import Died
 from pipeline.motion.planar.judge import REASONS
 from pipeline.stages.failure import no_success
 from pipeline.stages.hints import HINTS, NO_MOTION_HINTS, hint

@@ -15,7 +15,7 @@ from pipeline.commands.common import (
     Quiet,
     UsageError,
     Workers,
-    pool_of,
+    crew_of,
     print_result,
     resumable,
     split_list,
@@ -108,7 +108,7 @@ def ladder(
     except ImportError as error:
         raise UsageError("the ladder trains with torch: install the extra train (uv pip install 'domino-data[train]')") from error
     with resumable(out), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar:
-        rows = climb(wanted, out, runner(pool_of(executor, workers, address)), bar.set_description_str)
+        rows = climb(wanted, out, runner(crew_of(executor, workers, address)), bar.set_description_str)
     print_result({"results": rows}, as_json, table(rows))
 
 

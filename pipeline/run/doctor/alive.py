@@ -23,10 +23,10 @@ print(json.dumps({"device": device, "seconds": time.perf_counter() - began, "sha
 
 RAY = """
 import json, time
-from pipeline.crew.pool import Pool
+from pipeline.crew.contract import Crew
 from pipeline.crew.ray_session import session
 began = time.perf_counter()
-with session(Pool("ray", 1)):
+with session(Crew("ray", 1)):
     import ray
     answer = ray.get(ray.remote(lambda: 6 * 7).remote(), timeout=100)
     seconds = time.perf_counter() - began

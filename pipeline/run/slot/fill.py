@@ -2,12 +2,13 @@
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.crew.contract import Steps, result_of
 from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
@@ -16,7 +17,6 @@ from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
-from pipeline.run.slot import running
 from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
 from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
 from pipeline.run.slot.running import send_slot
@@ -24,11 +24,14 @@ from pipeline.run.slot.worker_log import worker_log
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.failure import Failure
 
+RENEWAL = -1
+"""Stands for the number of an attempt when a stored episode's images or sentences are made again."""
+
 
 @dataclass(frozen=True)
 class Lost:
-    """An attempt that took two workers with it: its number (or running.RENEWAL), why (worker_died, worker_hung), and how many
-    seconds the second worker spent on it."""
+    """An attempt that took two workers with it: its number (or RENEWAL), why (worker_died, worker_hung), and how many seconds the
+    second worker spent on it."""
 
     attempt: int
     reason: str
@@ -40,7 +43,7 @@ class SlotJob:
     """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's code version.
 
     `renewing` is the entry of an episode whose physics is up to date, so that only its images or sentences are made. `lost`
-    attempts are not tried again; they are recorded as failed. Where renewing an episode (running.RENEWAL) is among them, the
+    attempts are not tried again; they are recorded as failed. Where renewing an episode (RENEWAL) is among them, the
     episode is made from nothing.
     """
 
@@ -52,18 +55,18 @@ class SlotJob:
     lost: tuple[Lost, ...] = ()
 
 
-def slot_worker() -> Callable[[SlotJob], SlotRecord]:
+def slot_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
     """`fill_logged`, in a process that has hashed its code already: this must not count as time spent on the first attempt."""
     code_version()
     return fill_logged
 
 
-def fill_logged(job: SlotJob) -> SlotRecord:
-    """As `fill_slot`; what is printed meanwhile is kept in logs/ where the slot is given up, raises, or has lost two workers."""
+def fill_logged(job: SlotJob) -> Steps[SlotRecord]:
+    """As `fill_in_steps`; what is printed meanwhile is kept in logs/ if the slot is given up, raises, or lost two workers."""
     dataset = Dataset(Path(job.root))
     with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")
-        record = fill_slot(job)
+        record = yield from fill_in_steps(job)
         log.keep = not record.accepted or bool(job.lost)
         for row in record.attempts:
             if row["reason"]:
@@ -73,7 +76,13 @@ def fill_logged(job: SlotJob) -> SlotRecord:
 
 
 def fill_slot(job: SlotJob) -> SlotRecord:
-    """Make what is missing of a slot, and return its ledger entry, which the driver writes.
+    """As `fill_in_steps`, in one."""
+    return result_of(fill_in_steps(job))
+
+
+def fill_in_steps(job: SlotJob) -> Steps[SlotRecord]:
+    """Make what is missing of a slot; yield the number of each attempt when it begins, and return the ledger entry, which the
+    driver writes.
 
     If its physics is up to date, only its images or sentences are made. Raises DatasetError on a worker whose code differs from the
     driver's: its episodes would carry a wrong key.
@@ -82,17 +91,22 @@ def fill_slot(job: SlotJob) -> SlotRecord:
         raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
     record, old = None, job.renewing
+    _remove_partial(dataset.episode(job.slot))
     # a worker that died may have written it already
-    if old and not any(one.attempt == running.RENEWAL for one in job.lost) and dataset.intact(job.slot, old):
-        running.note(dataset, job.slot, running.RENEWAL)
+    if old and not any(one.attempt == RENEWAL for one in job.lost) and dataset.intact(job.slot, old):
+        yield RENEWAL
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             record = renew(dataset, job.recipe, job.slot, old, keys)
-    record = record or _from_nothing(dataset, job, keys)
-    running.remove_note(dataset, job.slot)
-    return record
+    return record or (yield from _from_nothing(dataset, job, keys))
 
 
-def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
+def _remove_partial(path: Path) -> None:
+    """Remove what a worker that was killed, on whatever machine, has left half-written of a file."""
+    for left in path.parent.glob(f".{path.name}.*.tmp"):
+        left.unlink(missing_ok=True)
+
+
+def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[int, None, SlotRecord]:
     """Try seeds until one is accepted or the budget is spent; write the episode."""
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
@@ -112,7 +126,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> SlotRecord:
             row |= {"outcome": "failed", "stage": "worker", "reason": lost[number].reason, "sim_steps": 0}
             rows.append(row | {"seconds": lost[number].seconds})
             continue
-        running.note(dataset, slot, number)
+        yield number
         try:
             rollout = attempt(spec, recipe, phases, perform)
         except Failure as failure:

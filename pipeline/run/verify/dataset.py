@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Died, Done, Limit, Pool, Strikes
+from pipeline.crew.contract import Crew, Died, Done
+from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.entries import Files
@@ -54,7 +54,7 @@ class Job:
         return self.slot.path if self.slot else self.directory
 
 
-def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, draw: int = 0) -> dict[str, Any]:
+def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, draw: int = 0) -> dict[str, Any]:
     """Check every file of a dataset. Returns {"ok", "problems", "episodes", "open", "uncompared", "checks": [...], "meeting":
     {task: medians}}: how many problems there are, episodes without one, slots that were not tried yet, and episodes whose images
     were to be compared and cannot be.
@@ -62,10 +62,10 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     Of every episode, `draw` frames of each camera are rendered again and compared. An episode that this version, or the device
     here, would render differently cannot be compared, and the dataset is not `ok` then.
     Slots that were not tried yet are no problem, and nothing of them is counted as checked. Raises DatasetError for a directory
-    that is no dataset or needs names that are not installed, EngineError if workers cannot be started or do not last, and
+    that is no dataset or needs names that are not installed, CrewError if workers cannot be started or do not last, and
     NoRenderer if nothing can be rendered.
     """
-    recipe, tally, pool = installed_recipe(dataset), Tally(), pool or Pool()
+    recipe, tally, crew = installed_recipe(dataset), Tally(), crew or Crew()
     device = other_device(dataset, ensure_renderer()) if draw else ""
     root = str(dataset.root.resolve())
     damaged = layout.damaged_groups(dataset, recipe)
@@ -79,10 +79,10 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     unknown = [dataset.episode(slot).relative_to(dataset.root) for slot in without if group_of(slot) not in damaged]
     tally.add(Finding("files", f"{path}: has no ledger entry; {layout.AGAIN}") for path in unknown)
     stages = sorted(p for p in dataset.root.glob("annotations/*") if p.is_dir())
-    with session(pool), tqdm(total=0, unit="job", disable=not progress, dynamic_ncols=True) as bar:
+    with session(crew), tqdm(total=0, unit="job", disable=not progress, dynamic_ncols=True) as bar:
 
         def counted(jobs: Iterable[Job]) -> list[Judged]:
-            found = list(_judge(jobs, pool, bar))
+            found = list(_judge(jobs, crew, bar))
             for each in found:
                 tally.add_counted(each.looked, each.findings)
             return found
@@ -126,10 +126,10 @@ def verify(dataset: Dataset, pool: Pool | None = None, progress: bool = False, d
     return counts | {"uncompared": len(uncompared), "checks": checks, "meeting": medians}
 
 
-def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged]:
+def _judge(jobs: Iterable[Job], crew: Crew, bar: "tqdm[Any]") -> Iterator[Judged]:
     """Everything judged, in the order of the jobs; one that takes two workers with it is a problem of its own."""
     wanted = list(jobs)
-    order, done, strikes = [job.name for job in wanted], dict[str, Judged](), Strikes(pool.workers)
+    order, done = [job.name for job in wanted], dict[str, Judged]()
     # the recipe's order goes from cell to cell; a worker holds the ledger of one task and robot
     queue = deque(sorted(wanted, key=lambda job: group_of(job.slot) if job.slot else ("", "")))
     shared = dict[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]()
@@ -137,21 +137,18 @@ def _judge(jobs: Iterable[Job], pool: Pool, bar: "tqdm[Any]") -> Iterator[Judged
         return
     bar.total += len(order)
     bar.refresh()
-    limit = Limit[Job](lambda job: EPISODE_SECONDS if job.slot else DIRECTORY_SECONDS)
-    with closing(run(judge, queue, pool, limit)) as ends:
+    # the calls are of slots, or of directories
+    seconds = EPISODE_SECONDS if queue[0].slot else DIRECTORY_SECONDS
+    with closing(run(judge, queue, crew, seconds)) as ends:
         for end in ends:
             match end:
                 case Done(job, judged):
-                    strikes.clear()
                     # most slots have the same counts
                     done[job.name] = replace(judged, looked=shared.setdefault(judged.looked, judged.looked))
-                case Died(job, reason) if strikes.count_loss(job.name):
+                case Died(job, reason):
                     why = f"{job.name}: {reason.replace('_', ' ')} twice while reading it; remove it and run the build again"
                     slot = job.slot or next(job.recipe.slots())
                     done[job.name] = Judged(slot, [Finding("readable", why)], damaged=job.slot is not None).brief()
-                case Died(job, _):
-                    queue.append(job)
-                    continue
             bar.update(1)
     yield from (done[name] for name in order)
 

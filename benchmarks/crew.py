@@ -1,6 +1,6 @@
-"""What the engine itself costs: jobs that only sleep, against the time they sleep.
+"""What the crew itself costs: jobs that only sleep, against the time they sleep.
 
-    python -m benchmarks.engine [--jobs 5000] [--milliseconds 1] [--workers 1,2]
+    python -m benchmarks.crew [--jobs 5000] [--milliseconds 1] [--workers 1,2]
 
 `start` is the time until the first job has ended (Ray, workers and their imports), `stop` that from the last to a clean machine.
 The overhead is what one worker spends on a job beyond sleeping. Workers are kept, or replaced after so many jobs, as in a build,
@@ -15,8 +15,8 @@ from contextlib import closing
 from functools import partial
 
 from benchmarks.hardware import hardware
-from pipeline.crew.dispatch import run
-from pipeline.crew.pool import Done, Limit, Pool
+from pipeline.crew.contract import Crew, Done
+from pipeline.crew.loop import run
 
 
 def sleeper(seconds: float) -> Callable[[int], int]:
@@ -29,20 +29,20 @@ def sleeper(seconds: float) -> Callable[[int], int]:
     return work
 
 
-def measure(jobs: int, seconds: float, pool: Pool) -> list[str]:
+def measure(jobs: int, seconds: float, crew: Crew) -> list[str]:
     """A row of the table."""
     began = first = last = time.perf_counter()
-    with closing(run(partial(sleeper, seconds), deque(range(jobs)), pool, Limit(lambda _: 60.0))) as ends:
+    with closing(run(partial(sleeper, seconds), deque(range(jobs)), crew, 60.0)) as ends:
         for number, end in enumerate(ends):
             assert isinstance(end, Done)
             last = time.perf_counter()
             first = first if number else last
     stopped = time.perf_counter()
     each = (last - first) / (jobs - 1)
-    overhead = each * pool.workers - seconds
+    overhead = each * crew.workers - seconds
     numbers = (1000 * each, 1000 * overhead)
-    kept = "kept" if pool.recycle > jobs else f"after {pool.recycle}"
-    return [pool.executor, str(pool.workers), kept, *(f"{n:.2f}" for n in numbers), f"{first - began:.1f}", f"{stopped - last:.1f}"]
+    kept = "kept" if crew.recycle > jobs else f"after {crew.recycle}"
+    return [crew.executor, str(crew.workers), kept, *(f"{n:.2f}" for n in numbers), f"{first - began:.1f}", f"{stopped - last:.1f}"]
 
 
 def slept(seconds: float, times: int = 200) -> float:
@@ -67,8 +67,8 @@ def main() -> None:
     print(f"| {' | '.join(head)} |\n|---|{'---:|' * (len(head) - 1)}")
     counts = [int(n) for n in given.workers.split(",")]
     kept = given.jobs + 1
-    for pool in [Pool(recycle=kept), *(Pool("ray", n, recycle=r) for n in counts for r in (kept, Pool().recycle))]:
-        print(f"| {' | '.join(measure(given.jobs, seconds, pool))} |")
+    for crew in [Crew(recycle=kept), *(Crew("ray", n, recycle=r) for n in counts for r in (kept, Crew().recycle))]:
+        print(f"| {' | '.join(measure(given.jobs, seconds, crew))} |")
 
 
 if __name__ == "__main__":

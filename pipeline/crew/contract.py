@@ -1,0 +1,111 @@
+"""The contract of the crew: who works, what a job and its work are, and the two ways in which a job ends."""
+
+import os
+from collections import Counter
+from collections.abc import Callable, Generator, Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from pipeline.data.errors import DominoError
+
+EXECUTORS = ("auto", "inline", "ray")
+
+SINGLE_THREAD = dict.fromkeys(
+    (
+        *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"),
+        *("LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
+    ),
+    "1",
+)
+"""One thread per worker; workers scale, threads inside one do not (docs/cluster.md)."""
+
+type Steps[R] = Generator[Hashable, None, R]
+"""Work in steps: yields which of several tries begins, and returns the result."""
+
+type Make[J, R] = Callable[[], Callable[[J], R | Steps[R]]]
+"""Makes the work, once in each worker: models, kernels and planners are kept from job to job."""
+
+type Check = Callable[[], Mapping[str, str]]
+"""Checks the machine of a worker before the work is made there. Returns what must be the same on
+all machines, by name. Raises DominoError for a machine that cannot do the work."""
+
+
+class CrewError(DominoError):
+    """The crew cannot work: no worker starts, no cluster answers, or worker after worker is lost."""
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Who works.
+
+    `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle`
+    jobs). `address` names a running Ray cluster (host:port); without it, Ray is started on this
+    machine, on loopback, for the run. `gpus` is each worker's share of a GPU, e.g. 0.25 if four
+    share one; 0 gives each an equal share if `share_gpus`, else none. `runtime_env` is Ray's
+    description of what processes on a cluster need.
+    """
+
+    executor: str = "inline"
+    workers: int = 1
+    address: str | None = None
+    recycle: int = 500
+    gpus: float = 0.0
+    share_gpus: bool = False
+    runtime_env: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.gpus <= 1 or self.gpus == int(self.gpus) > 1):
+            raise CrewError(f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number")
+        if self.runtime_env and self.address is None:
+            raise CrewError("a runtime environment is for the machines of a cluster: name it with --address")
+        if self.executor not in EXECUTORS[1:] or self.workers < 1:
+            raise CrewError(f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at least 1 worker")
+
+
+@dataclass(frozen=True)
+class Done[J, R]:
+    """A job that ended, and what the work returned."""
+
+    job: J
+    result: R
+
+
+@dataclass(frozen=True)
+class Died[J]:
+    """A job that cost two workers on the same try.
+
+    `trying` is the try that the work had yielded last (None before the first); `seconds` is how
+    long the second worker spent on it until it died, or was killed because it hung.
+    """
+
+    job: J
+    reason: Literal["worker_died", "worker_hung"]
+    trying: Hashable
+    seconds: float
+
+
+@dataclass(eq=False)
+class Task[J]:
+    """A job on its way to its end: how many workers were lost on each try of it."""
+
+    job: J
+    losses: Counter[Hashable] = field(default_factory=Counter[Hashable])
+
+
+def result_of[R](work: R | Steps[R]) -> R:
+    """The result of work that was called in this process, run to its end if it is in steps."""
+    if not isinstance(work, Generator):
+        return work
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            return end.value
+
+
+def pick_executor(name: str, workers: int | None) -> tuple[str, int]:
+    """The executor to use and its number of workers: `auto` is inline for one worker, else Ray."""
+    count = workers or len(os.sched_getaffinity(0))
+    if name == "auto":
+        name = "inline" if count == 1 else "ray"
+    return name, 1 if name == "inline" else count

@@ -1,0 +1,79 @@
+"""The one loop over jobs, and the one rule for lost workers.
+
+A job is data, the work a function of it, its artifact a file. Jobs share nothing, so neither the
+executor nor the number of workers can change a byte of the output.
+"""
+
+from collections import deque
+from collections.abc import Callable, Generator
+
+from pipeline.crew.contract import Check, Crew, CrewError, Died, Done, Make, Task, result_of
+from pipeline.memory import freeze_garbage
+
+
+def run[J, R](
+    make: Make[J, R],
+    jobs: deque[J],
+    crew: Crew,
+    seconds: float,
+    check: Check | None = None,
+    lost: Callable[[], None] = lambda: None,
+) -> Generator[Done[J, R] | Died[J], None, None]:
+    """Yield the end of every job: in order when inline, as they end on workers.
+
+    `jobs` is emptied from the left. The caller may append to it while iterating; the run is over
+    when it is empty and nothing runs. A worker gets its next job after its last one was yielded,
+    so a slow caller holds the workers up and results do not pile up.
+
+    A worker that dies, or hangs (`seconds` pass without the next step of its job), is replaced
+    and its job is tried again after the others; `lost` is called. The second loss on the same try
+    yields Died. A machine that leaves the cluster is no fault of its jobs. Inline there is nobody
+    to notice either.
+
+    Close the iterator (contextlib.closing) to stop at once: workers are killed.
+
+    Raises what the work raises, and CrewError: if no worker starts, if different jobs in a row
+    lose their worker and none ends, and, naming the machine, if `check` refuses it.
+    """
+    if not jobs:
+        return
+    if crew.executor == "inline":
+        if check is not None:
+            check()
+        work = make()
+        with freeze_garbage():
+            while jobs:
+                job = jobs.popleft()
+                yield Done(job, result_of(work(job)))
+        return
+    # Ray takes half a second to import
+    from pipeline.crew.ray_workers import hire
+
+    again, in_a_row = deque[Task[J]](), set[Task[J]]()
+    with hire(make, crew, seconds, check) as workers:
+        while jobs or again or workers.at_work:
+            for _ in range(workers.free(len(jobs) + len(again))):
+                workers.give(Task(jobs.popleft()) if jobs else again.popleft())
+            for end in workers.ends():
+                if isinstance(end, Done):
+                    in_a_row.clear()
+                    yield end
+                    continue
+                lost()
+                task = end.task
+                if end.reason == "node_lost":
+                    again.append(task)
+                    continue
+                in_a_row.add(task)
+                if len(in_a_row) >= 4 + 4 * crew.workers:
+                    # recording them all as failed would blame the wrong thing
+                    raise CrewError(
+                        f"{len(in_a_row)} jobs in a row lost their worker, none ended: "
+                        "is there memory for so many workers (--workers)?"
+                    )
+                task.losses[end.trying] += 1
+                if task.losses[end.trying] < 2:
+                    again.append(task)
+                else:
+                    in_a_row.clear()
+                    yield Died(task.job, end.reason, end.trying, end.seconds)
