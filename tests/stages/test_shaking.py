@@ -53,6 +53,11 @@ def test_joints_are_as_fast_as_the_page_states_and_twice_as_fast_in_a_shake(log)
     assert 0.5 * acceleration < np.abs(np.diff(log.action[:, arm], 2, axis=0)).max() * FPS**2 <= acceleration * (1 + 1e-5)
 
 
+def test_an_episode_ends_after_a_rest_of_0_4_s(log):
+    rested = log.times[-1] - max(run.end for run in log.skills) / 240
+    assert 0.4 <= rested <= 0.4 + 1 / FPS
+
+
 def test_velocities_of_the_joints_are_the_differences_of_their_positions(log):
     rates = (log.qpos[2:] - log.qpos[:-2]) * FPS / 2
     assert np.abs(rates).max() > 2.0

@@ -1,18 +1,22 @@
 """The three stages on one scene: clearance against brute force, reasons of failure, the time of success."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.data.cameras import visible
+from pipeline.data.cameras import project, visible
 from pipeline.data.names import SIDES
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
+from pipeline.expert.grasping import lifted
 from pipeline.motion.planar.judge import Limits, judge_shapes
 from pipeline.motion.planar.levels import DRAW
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.motion.workspace import Workspace
+from pipeline.planning.sweep import Sweep
 from pipeline.poses import compose, transform
 from pipeline.stages import back_calculate as module
 from pipeline.stages.back_calculate import back_calculate
@@ -22,6 +26,7 @@ from pipeline.stages.failure import Failure
 from pipeline.stages.replay import replay
 from pipeline.stages.scene import build_scene, success_time
 from pipeline.world.cameras import cameras_of
+from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import Simulation
 
@@ -60,7 +65,26 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
     slopes = (paths.coefficients[last] * np.arange(paths.coefficients.shape[-1])).sum(-1)
     speeds = np.linalg.norm(slopes, axis=-1) / paths.durations[last] / alpha
     assert 2.5 < speeds[reasons == ""].max() <= 3
+    assert requests[0].tail == 0.25
     assert 3 < speeds[reasons == "end_speed"].min() < 3.5
+
+
+def test_jumps_are_capped_as_the_page_says_above_alpha_0_1_or_where_a_recipe_asks(prepared):
+    page = (Path(__file__).parents[2] / "docs/motions.md").read_text()
+    stated = re.search(r"bounds the jumps of a level-3 target's velocity by (\d+) alpha", page)
+    assert stated
+    for alpha, setup, factor in ((0.1, {}, None), (0.1, {"jumps": "capped"}, 1), (0.3, {}, 1), (0.3, {"rules": "domino"}, None)):
+        limit = module.jump_limit(Setup(**setup), alpha)
+        assert limit == (None if factor is None else pytest.approx(factor * int(stated[1]) * alpha))
+
+
+def test_a_point_counts_as_seen_4_pixels_inside_the_image(prepared):
+    scene, _ = prepared
+    head = cameras_of(scene.embodiment, "D435")[0]
+    points = np.stack(np.meshgrid(np.linspace(-0.6, 0.6, 400), [0.0], [TABLE_TOP], indexing="ij"), -1).reshape(-1, 3)
+    columns = project(head.type, head.pose, points)[0][:, 0]
+    seen = columns[scene.sees(points)]
+    assert 4 <= seen.min() < 6 and head.type.width - 6 < seen.max() <= head.type.width - 4
 
 
 # --- clearance --------------------------------------------------------------------------------------------------------------
@@ -121,6 +145,43 @@ def test_standing_in_the_way_later_than_just_before_the_meeting_is_allowed(prepa
     assert clearance.free(still)
     pressed = np.repeat(dry.sweep[-1:], 60, 0)
     assert not Clearance(scene, replace(touching, sweep=np.concatenate([dry.sweep, pressed]))).free(still)
+
+
+class Seen:
+    """A target that stands at `pose` until `until` s and is out of reach from then on."""
+
+    def __init__(self, pose, until=np.inf):
+        self._pose, self._until = pose, until
+
+    def pose(self, t):
+        away = lifted(self._pose, 3.0)
+        return np.where((np.asarray(t) < self._until)[..., None], self._pose, away)
+
+    def scenery(self):
+        return ()
+
+
+def test_a_target_that_is_touched_too_soon_is_refused(prepared):
+    """The fingertips creep the last 0.6 mm and come down at 0.1 m/s before: a bell 2 mm higher is touched 0.2 s too soon."""
+    scene, dry = prepared
+    pose = scene.bodies["bell"].pose
+    assert Clearance(scene, dry).free(Seen(pose))
+    assert not Clearance(scene, dry).free(Seen(lifted(pose, 0.002)))
+
+
+def test_nothing_comes_within_2_mm_of_a_target_before_the_last_approach(prepared):
+    """The highest place at which the bell is free there is one where it would be touched by pieces 2 mm larger, and no nearer."""
+    scene, dry = prepared
+    pose, shape = scene.bodies["bell"].pose, scene.bodies["bell"].instance.shape().collision
+    steps = int((dry.meeting - LATE) * 60)
+    heights = np.arange(0.0, 0.1, 0.0005)
+    free = [Clearance(scene, dry).free(Seen(lifted(pose, height), dry.meeting - LATE)) for height in heights]
+    assert free[0] and not free[-1]
+    lowest = lifted(pose, heights[free.index(False)])
+    links = {f"{side}_{link.name}": link.collision for side, arm in scene.embodiment.arms.items() for link in arm.links}
+    pieces = [(dry.names.index(name), piece) for name, shapes in links.items() for piece in shapes]
+    sweeps = [Sweep(pieces, dry.sweep[:steps], shape, margin) for margin in (0.0012, 0.0022)]
+    assert [sweep.first_contact(np.repeat(lowest[None], steps, 0)) is None for sweep in sweeps] == [True, False]
 
 
 def test_clearance_agrees_with_brute_force_where_boxes_are_far_apart(prepared):

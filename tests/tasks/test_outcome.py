@@ -171,6 +171,7 @@ def test_contacts_are_found_in_either_order_and_in_the_last_frames():
     assert o.touching("can", "table")
     assert not o.touching("can", "plate")
     assert o.touching("can", "plate", last=8)
+    assert not outcome(contacts=[(7, "can", "plate", ORIGIN)]).touching("can", "plate")
     assert not o.touching("plate", "table")
 
 
@@ -233,6 +234,17 @@ def test_pressed_measures_from_the_frame_where_the_body_was_then(offset, yes):
     assert o.touched("left", "can")
     assert not o.touched("right", "can")
     assert not o.until(4).touched("left", "can")
+
+
+def test_a_press_counts_if_the_gripper_is_closed_at_the_touch():
+    there, limit = outcome().frame("can", "top")[:3], {"plane": 0.02, "height": 0.01}
+    closed_then = outcome(gripper=(0.0, 1.0), contacts=[(9, FINGERS[1], "can", there)])
+    assert closed_then.press("left", "can", "top", limit)["closed_at_press"]
+    opened_then = outcome(gripper=(0.0, 1.0), contacts=[(4, FINGERS[1], "can", there)])
+    opened_then.log.state[4, ROBOT.vector_names.index("left_gripper")] = 1.0
+    assert not opened_then.press("left", "can", "top", limit)["closed_at_press"]
+    opened_later = outcome(gripper=(1.0, 1.0), contacts=[(4, FINGERS[1], "can", there)])
+    assert opened_later.press("left", "can", "top", limit)["closed_at_press"]
 
 
 def test_swings_count_only_crossings_between_far_sides():

@@ -90,6 +90,9 @@ def test_settling_ends_when_all_is_quiet_and_does_not_count_as_time():
     assert 12 < s.settle_steps < PHYSICS_HZ
     assert (s.steps, s.time) == (0, 0.0)
     assert s.speed("block") < 0.01
+    quiet = simulate(far_target())
+    assert quiet.settle()
+    assert quiet.settle_steps == 13  # as long as a body needs that begins to fall or to slide
 
 
 def test_a_scene_that_does_not_come_to_rest_or_touches_its_target_is_not_settled():
