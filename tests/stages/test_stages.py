@@ -175,7 +175,7 @@ def test_nothing_comes_within_2_mm_of_a_target_before_the_last_approach(prepared
     pose, shape = scene.bodies["bell"].pose, scene.bodies["bell"].instance.shape().collision
     steps = int((dry.meeting - LATE) * 60)
     heights = np.arange(0.0, 0.1, 0.0005)
-    free = [Clearance(scene, dry).free(Seen(lifted(pose, height), dry.meeting - LATE)) for height in heights]
+    free = [Clearance(scene, dry).free(Seen(lifted(pose, height), (steps - 0.5) / 60)) for height in heights]
     assert free[0] and not free[-1]
     lowest = lifted(pose, heights[free.index(False)])
     links = {f"{side}_{link.name}": link.collision for side, arm in scene.embodiment.arms.items() for link in arm.links}
