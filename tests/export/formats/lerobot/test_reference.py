@@ -115,7 +115,8 @@ def the_files_are_those_that_lerobot_writes(lerobot, root):
             for t in range(len(e)):
                 keys = {"observation.state": "joint_state/vector", "action": "joint_action/vector", "target.pose": "target/pose"}
                 frame = {name: e.array(key)[t].astype(np.float32) for name, key in keys.items()}
-                frame["target.velocity"] = e.array("target/velocity")[t].astype(np.float32)
+                for what in ("velocity", "angular_velocity"):
+                    frame[f"target.{what}"] = e.array(f"target/{what}")[t].astype(np.float32)
                 frame["ee.pose"] = np.concatenate([e.array(f"endpose/{s}_endpose")[t] for s in ("left", "right")]).astype(
                     np.float32
                 )
