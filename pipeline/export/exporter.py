@@ -24,7 +24,7 @@ class Job[O]:
     `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
     `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
     only what the summary does. `split` says whether these are the episodes or the failed attempts that are kept, `where` which
-    of them were selected (export/shared/selection.py), empty for all.
+    of them were selected (export/shared/episodes.py), empty for all.
     """
 
     dataset: Path

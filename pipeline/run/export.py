@@ -13,8 +13,7 @@ from pipeline.data.store.mirror import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name
-from pipeline.export.shared.episodes import EPISODES, FAILURES
-from pipeline.export.shared.selection import expression, select_episodes
+from pipeline.export.shared.episodes import EPISODES, FAILURES, expression, select_episodes
 from pipeline.report.card import describe
 
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
@@ -102,12 +101,16 @@ def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
 
 def _robots(wanted: Sequence[str], recipe: Recipe) -> list[str]:
     """The robots of the recipe that are wanted, by their names. Raises ExportError for one that the recipe does not name."""
-    from pipeline.world.robots import canonical_name  # it takes a second, and most exports name no robot
-
-    robots = [name if name in recipe.embodiments else canonical_name(name) for name in wanted]
+    robots = [name if name in recipe.embodiments else _name_of_alias(name) for name in wanted]
     if missing := [name for name in robots if name not in recipe.embodiments]:
         raise ExportError(f"--embodiment {missing[0]}: the dataset has only {', '.join(recipe.embodiments)}")
     return robots
+
+
+def _name_of_alias(alias: str) -> str:
+    from pipeline.world.robots import canonical_name  # it takes a second, and most exports name no robot by its alias
+
+    return canonical_name(alias)
 
 
 def _ladder(file: Path, recipe: Recipe) -> dict[str, str]:

@@ -28,9 +28,9 @@ from pipeline.export.bridges.cell_files import CellExporter, configuration
 from pipeline.export.bridges.robotwin import FRONT, front_camera_option, written_cameras
 from pipeline.export.bridges.robotwin_arrays import drive_targets, episode_arrays, tool_poses
 from pipeline.export.exporter import register
+from pipeline.export.shared.derived import interception
 from pipeline.export.shared.episodes import ExportError, Facts
 from pipeline.export.shared.images import JpegOrder
-from pipeline.export.shared.meetings import interception
 from pipeline.motion.recorded.interception import Interception
 from pipeline.poses import compose
 

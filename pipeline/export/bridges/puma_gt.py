@@ -19,9 +19,9 @@ import numpy as np
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.formats.lerobot.options import datasets_of
 from pipeline.export.options import option
+from pipeline.export.shared.derived import interception
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import Facts, read_facts, reading
-from pipeline.export.shared.meetings import interception
 from pipeline.export.shared.provenance import Provenance
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.planar.motion import PlanarMotion, Segment

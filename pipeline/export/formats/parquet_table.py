@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
-from pipeline.export.formats.lerobot.format import contact_flags, trace_of
 from pipeline.export.shared.annotations import Joined, annotation_columns
+from pipeline.export.shared.derived import contact_flags, interception, trace_of
 from pipeline.export.shared.episodes import CLOCK_TOLERANCE, Facts
-from pipeline.export.shared.meetings import interception
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.sensors import IMAGE, IMAGES, POINTCLOUD, coded_images, image_column, sensors_of
 from pipeline.motion.paths import path_ahead

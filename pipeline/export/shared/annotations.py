@@ -5,7 +5,7 @@ digits behind them only where two directories would get the same. An episode wit
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pipeline.data.annotations import CorruptAnnotation, Entry, annotation_path, read_entry, stages_of
-from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.keys import arrays_digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.export.shared.episodes import ExportError, Facts
-from pipeline.export.shared.freshness import command, stale
 from pipeline.export.shared.sensors import IMAGE, image_column, png
 
 MASK = pa.struct(
@@ -161,3 +161,69 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     edges = np.flatnonzero(np.diff(flat)) + 1
     runs = np.diff(np.concatenate([[0], edges, [flat.size]])).tolist()
     return [0, *runs] if flat[0] else runs
+
+
+TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation",)}
+"""Arrays of a camera that a stage reads where it is computed from the simulator's truth."""
+
+
+def stale(entry: Entry, stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path) -> str | None:
+    """What an annotation was not made from, in words, or None if all its inputs are those of the open episode.
+
+    `stage` is the content of stage.json. Which sentences were asked for is not compared.
+    """
+    inputs = entry.attributes.get("inputs")
+    if not isinstance(inputs, Mapping):
+        return "it does not name what it was made from"
+    now = dict(_inputs(inputs, stage, file, facts, dataset))
+    changed = [name for name, value in now.items() if inputs[name] != value]
+    known = {"frames": "images", "scene": "physics", "assets": "assets", "stored": "truth", "masks": "masks"}
+    return f"it was made from other {known[changed[0]]}" if changed else None
+
+
+def _inputs(
+    inputs: Mapping[str, Any], stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
+) -> Iterator[tuple[str, Any]]:
+    camera = str(stage["parameters"]["camera"])
+    if camera not in facts.cameras:
+        yield next(name for name in ("frames", "scene") if name in inputs), None
+        return
+    if "frames" in inputs:
+        yield "frames", frames_digest(file.array(f"observation/{camera}/rgb").tolist())
+    if "scene" in inputs:
+        k = file.array(f"observation/{camera}/intrinsic_cv")[0]
+        state = {"poses": facts.log.poses, "camera": facts.camera_poses[camera], "k": k}
+        yield "scene", {"bodies": list(facts.log.bodies), "state": arrays_digest(state)}
+    if "assets" in inputs:
+        yield "assets", dict(facts.meta.drawing.assets)
+    if "stored" in inputs:
+        yield "stored", _read_hash(file, camera, TRUTH[stage["stage"]])
+    if "masks" in inputs:
+        yield "masks", _masks_hash(dataset, str(stage["parameters"]["masks"]), facts)
+
+
+def _read_hash(file: EpisodeFile, camera: str, names: tuple[str, ...]) -> str | None:
+    try:
+        return arrays_digest({name: file.array(f"observation/{camera}/{name}") for name in names})
+    except EpisodeError:
+        return None
+
+
+def _masks_hash(dataset: Path, directory: str, facts: Facts) -> str | None:
+    try:
+        return read_entry(annotation_path(dataset, directory, Path(facts.source).relative_to("episodes"))).checksum
+    except (FileNotFoundError, CorruptAnnotation, ValueError):
+        return None
+
+
+def command(dataset: Path, stage: Mapping[str, Any]) -> str:
+    """The command that annotates again as a stage.json says."""
+    name, said = stage["stage"], stage["parameters"]
+    options = {"--stages": "masks,features" if name == "features" else name, "--cameras": said["camera"]}
+    if name == "flow":
+        size = said.get("size")
+        options |= {"--flow-source": said.get("source"), "--flow-stride": said.get("stride")}
+        options |= {"--flow-size": f"{size[1]}x{size[0]}" if size else None}
+    else:
+        options |= {"--mask-source": said.get("mask_source" if name == "features" else "source"), "--prompt": said.get("prompt")}
+    return f"domino-data annotate {dataset} " + " ".join(f"{o} {value}" for o, value in options.items() if value is not None)

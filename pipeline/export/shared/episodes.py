@@ -15,6 +15,7 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import exported_names
+from pipeline.data.select import parse_where, select_specs
 from pipeline.data.spec import EpisodeSpec
 
 EPISODES, FAILURES = "episodes", "failures"
@@ -207,3 +208,33 @@ def exported_cameras(facts: Facts, given: Mapping[str, str]) -> dict[str, str]:
         return exported_names(facts.cameras, given)
     except ValueError as error:
         raise ExportError(f"--camera-names: {error}") from error
+
+
+def expression(where: str | None, embodiments: Sequence[str]) -> str:
+    """One expression from `--where` and the robots of `--embodiment`; an empty text where neither is given.
+
+    Raises WhereError for an expression that cannot be read.
+    """
+    given = (where or "").strip()
+    if given:
+        parse_where(given)
+    robots = ", ".join(f'"{name}"' for name in embodiments)
+    of_robots = f"embodiment in ({robots})" if robots else ""
+    return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
+
+
+def select_episodes(episodes: Sequence[Path], where: str) -> list[Path]:
+    """The episodes that an expression selects, in their order; all of them for an empty one.
+
+    Raises WhereError for an expression that cannot be read, ExportError if it selects no episode.
+    """
+    if not where:
+        return list(episodes)
+    wanted, specs = parse_where(where), []
+    for path in episodes:
+        with reading(path) as file:
+            specs.append(file.spec)
+    chosen = [path for path, fits in zip(episodes, select_specs(specs, wanted), strict=True) if fits]
+    if not chosen:
+        raise ExportError(f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds")
+    return chosen

@@ -11,8 +11,8 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
 from pipeline.data.rules import rules_of
 from pipeline.data.splits import split_of
+from pipeline.export.shared.derived import interception
 from pipeline.export.shared.episodes import Facts, same
-from pipeline.export.shared.meetings import interception
 from pipeline.export.shared.script import rows_of
 from pipeline.export.shared.tables import RowWriter
 from pipeline.motion.recorded.group import conditions_of

@@ -1,8 +1,6 @@
-"""Models of target motions by name. A module of this folder that calls `register` is found by itself."""
+"""Models of target motions by name."""
 
-import importlib
 import json
-import pkgutil
 import sys
 from typing import Any
 
@@ -15,7 +13,10 @@ PLANAR = "planar"
 STILL = Level("the target stands still", "#6b7280")
 """Level 0 of every model."""
 
-MODELS: Registry[MotionModel] = Registry("motion")
+_MODULES = {"drop": "ballistic", "toss": "ballistic"}
+_NAMES = "drop toss circle conveyor handed pendulum planar pushed ramp rolling sinusoid turntable"
+MODELS: Registry[MotionModel] = Registry("motion", {n: f"{__name__}.{_MODULES.get(n, n)}" for n in _NAMES.split()})
+"""Models by name. A module of this folder is imported, and registers its model, when that is asked for."""
 
 
 def register(model: MotionModel) -> MotionModel:
@@ -63,7 +64,3 @@ def motion_from_json(text: str) -> TargetMotion:
         raise ValueError("this is not a target motion: its others are no JSON object")
     target = MODELS[name].read(values)
     return Company(target, {who: motion_from_json(json.dumps(found)) for who, found in others.items()}) if others else target
-
-
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")

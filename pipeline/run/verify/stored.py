@@ -14,9 +14,8 @@ from pipeline.data.keys import frames_digest
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import check_regular, read_regular
 from pipeline.data.store.mirror import fetch_below
-from pipeline.export.shared.episodes import FAILURES, ExportError
+from pipeline.export.shared.episodes import FAILURES, ExportError, select_episodes
 from pipeline.export.shared.record import read_record
-from pipeline.export.shared.selection import select_episodes
 from pipeline.run.verify.tally import FAULTS, Finding, line, observe
 
 RECOMPUTE = "run annotate again"

@@ -16,8 +16,8 @@ from pipeline.data.annotations import Entry, annotation_path
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
 from pipeline.export import ExportError
+from pipeline.export.shared.annotations import command, stale
 from pipeline.export.shared.episodes import read_facts
-from pipeline.export.shared.freshness import command, stale
 from pipeline.export.shared.record import check_export
 from tests.export.running import run
 from tests.synthetic import COLORS, episode_path, make_episode

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.data.select import WhereError
 from pipeline.export import EXPORTERS, ExportError, Job
-from pipeline.export.shared.selection import expression, select_episodes
+from pipeline.export.shared.episodes import expression, select_episodes
 from tests.synthetic import episode_path, make_episode
 
 

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from pipeline.data.cameras import intrinsics
 from pipeline.data.names import SIDES
+from pipeline.export.shared.derived import contact_flags, trace_of
 from pipeline.export.shared.episodes import FAILURES, Facts
 from pipeline.export.shared.provenance import SCALAR_TYPES
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats, vector_stats
 from pipeline.export.shared.video import Codec
-from pipeline.motion.paths import path_ahead, trace_ahead
+from pipeline.motion.paths import path_ahead
 
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -100,19 +101,6 @@ def vector_names(facts: Facts, names: Mapping[str, str]) -> dict[str, list[str]]
     }
 
 
-def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
-    """(T,2), left and right: 1 where the arm touched a body in the interval that ends at the frame, else 0."""
-    log = facts.log
-    flags = np.zeros((len(facts), len(SIDES)), np.float32)
-    of_body = log.bodies.index(body)
-    for column, side in enumerate(SIDES):
-        links = [i for i, b in enumerate(log.bodies) if b.startswith(f"{side}_") and b not in facts.meta.objects]
-        rows = log.contacts
-        hit = ((rows["a"] == of_body) & np.isin(rows["b"], links)) | ((rows["b"] == of_body) & np.isin(rows["a"], links))
-        flags[rows["frame"][hit], column] = 1
-    return flags
-
-
 def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
     preset = codec.options()["preset"]
     return {
@@ -175,12 +163,6 @@ def data_columns(facts: Facts, names: Mapping[str, str], index: int, start: int,
         "task_index": np.full(length, task),
     }
     return {name: values[: facts.kept] for name, values in (numbers | texts | clock).items()}
-
-
-def trace_of(facts: Facts, camera: str) -> NDArray[np.float64]:
-    """(T,H,3) where the target goes within a second in the image of a camera (motion/paths.py)."""
-    kind = facts.meta.drawing.cameras[camera].camera(camera).type
-    return trace_ahead(kind, facts.camera_poses[camera], facts.target[:, :3], facts.fps)
 
 
 def column_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:

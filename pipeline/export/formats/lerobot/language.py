@@ -21,7 +21,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.export.formats.lerobot.format import before_clock, image_key, trace_of
+from pipeline.export.formats.lerobot.format import before_clock, image_key
+from pipeline.export.shared.derived import trace_of
 from pipeline.export.shared.episodes import Facts
 from pipeline.export.shared.script import Script, script_of, spoken_names
 from pipeline.motion.recorded.interception import track

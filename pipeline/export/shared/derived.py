@@ -1,0 +1,38 @@
+"""What is derived from the log of an exported episode: the meeting, contacts, and where the target goes in an image."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.names import SIDES
+from pipeline.export.shared.episodes import ExportError, Facts
+from pipeline.motion.models import motion_from_json
+from pipeline.motion.paths import trace_ahead
+from pipeline.motion.recorded.interception import Interception
+
+
+def interception(facts: Facts) -> Interception:
+    """The derived data of an episode. Raises ExportError if its motion cannot be read."""
+    try:
+        motion = motion_from_json(facts.motion)
+    except ValueError as error:
+        raise ExportError(f"{facts.source}: {error}") from error
+    return Interception(facts.meta, facts.log, motion, facts.target)
+
+
+def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
+    """(T,2), left and right: 1 where the arm touched a body in the interval that ends at the frame, else 0."""
+    log = facts.log
+    flags = np.zeros((len(facts), len(SIDES)), np.float32)
+    of_body = log.bodies.index(body)
+    for column, side in enumerate(SIDES):
+        links = [i for i, b in enumerate(log.bodies) if b.startswith(f"{side}_") and b not in facts.meta.objects]
+        rows = log.contacts
+        hit = ((rows["a"] == of_body) & np.isin(rows["b"], links)) | ((rows["b"] == of_body) & np.isin(rows["a"], links))
+        flags[rows["frame"][hit], column] = 1
+    return flags
+
+
+def trace_of(facts: Facts, camera: str) -> NDArray[np.float64]:
+    """(T,H,3) where the target goes within a second in the image of a camera (motion/paths.py)."""
+    kind = facts.meta.drawing.cameras[camera].camera(camera).type
+    return trace_ahead(kind, facts.camera_poses[camera], facts.target[:, :3], facts.fps)
