@@ -5,10 +5,16 @@ executor nor the number of workers can change a byte of the output.
 """
 
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from pipeline.crew.contract import Check, Crew, CrewError, Died, Done, Make, Task, result_of
+from pipeline.crew.ray_session import session
 from pipeline.memory import freeze_garbage
+
+if TYPE_CHECKING:
+    from pipeline.crew.ray_workers import Workers
 
 
 def run[J, R](
@@ -46,11 +52,8 @@ def run[J, R](
                 job = jobs.popleft()
                 yield Done(job, result_of(work(job)))
         return
-    # Ray takes half a second to import
-    from pipeline.crew.ray_workers import hire
-
     again, in_a_row = deque[Task[J]](), set[Task[J]]()
-    with hire(make, crew, seconds, check) as workers:
+    with _hire(make, crew, seconds, check) as workers:
         while jobs or again or workers.at_work:
             for _ in range(workers.free(len(jobs) + len(again))):
                 workers.give(Task(jobs.popleft()) if jobs else again.popleft())
@@ -77,3 +80,17 @@ def run[J, R](
                 else:
                     in_a_row.clear()
                     yield Died(task.job, end.reason, end.trying, end.seconds)
+
+
+@contextmanager
+def _hire[J, R](make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> "Iterator[Workers[J, R]]":
+    """The Ray workers of a run; they are killed at its end."""
+    with session(crew):
+        # the session sets what Ray reads when it is imported
+        from pipeline.crew.ray_workers import Workers
+
+        workers = Workers(make, crew, seconds, check)
+        try:
+            yield workers
+        finally:
+            workers.dismiss()

@@ -68,11 +68,10 @@ def _local(workers: int) -> Iterator[None]:
         "num_cpus": workers,
         "include_dashboard": False,
         "object_store_memory": _STORE_BYTES,
-        "runtime_env": {"env_vars": threads | _SEES_GPUS},
         "_temp_dir": folder,  # Ray leaves its logs there
     }
     try:
-        with _token():
+        with _environment(threads | _SEES_GPUS | {"RAY_AUTH_TOKEN": _token()}):
             _init("local", "Ray does not start", options)
         if ray.util.get_node_ip_address() != _LOOPBACK:
             raise CrewError(
@@ -149,11 +148,11 @@ def one_line(error: object) -> str:
 
 
 @contextmanager
-def _token() -> Iterator[None]:
-    """A token in the environment that Ray's processes inherit, and no other process of ours: Ray
-    asks for one by itself on one machine, and keeps it for all users to read."""
-    before = {name: os.environ.get(name) for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN")}
-    os.environ["RAY_AUTH_TOKEN"] = _make_token()
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Environment variables for the processes of Ray, which pass them on to workers, and for no
+    other process of ours. On one machine Ray itself turns RAY_AUTH_MODE on meanwhile."""
+    before = {name: os.environ.get(name) for name in [*values, "RAY_AUTH_MODE"]}
+    os.environ.update(values)
     try:
         yield
     finally:
@@ -164,6 +163,7 @@ def _token() -> Iterator[None]:
 
 
 @cache
-def _make_token() -> str:
-    """The token of this process's own Ray, which reads it once."""
+def _token() -> str:
+    """The token of this process's own Ray, which reads it once. Ray's own would be in a file that
+    others can read."""
     return secrets.token_hex(32)

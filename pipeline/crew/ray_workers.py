@@ -6,7 +6,6 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Generator, Hashable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,7 +13,7 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from pipeline.crew.contract import Check, Crew, CrewError, Done, Make, Task
-from pipeline.crew.ray_session import one_line, session
+from pipeline.crew.ray_session import one_line
 from pipeline.data.errors import DominoError
 from pipeline.plugins import Snapshot
 
@@ -84,24 +83,14 @@ class _Hired[J]:
     finished: int = 0
 
 
-@contextmanager
-def hire[J, R](make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> Iterator["Workers[J, R]"]:
-    """The Ray workers of a run; they are killed at its end."""
-    with session(crew):
-        # workers of this machine inherit the directories of plugins
-        plugins = Snapshot.taken() if crew.address else Snapshot()
-        workers = Workers[J, R](crew, seconds, (make, check, plugins))
-        try:
-            yield workers
-        finally:
-            workers.dismiss()
-
-
 class Workers[J, R]:
     """The workers of one run."""
 
-    def __init__(self, crew: Crew, seconds: float, begin: tuple[Any, ...]) -> None:
-        self._crew, self._seconds, self._begin = crew, seconds, begin
+    def __init__(self, make: Make[J, R], crew: Crew, seconds: float, check: Check | None) -> None:
+        self._crew, self._seconds = crew, seconds
+        # workers of this machine inherit the directories of plugins
+        plugins = Snapshot.taken() if crew.address else Snapshot()
+        self._begin = make, check, plugins
         actor: Any = ray.remote(CrewWorker)
         # a start of its own for each loss, so that one that keeps dying is noticed
         self._actor = actor.options(num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD")

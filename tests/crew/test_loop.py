@@ -104,7 +104,7 @@ class Unlucky:
 def run_unlucky(monkeypatch: pytest.MonkeyPatch, jobs: list[int], *reasons: tuple[str, Hashable]) -> tuple[list[Any], list[int]]:
     """The ends of a run, and the jobs in the order in which they were given to workers."""
     workers = Unlucky(iter(reasons))
-    monkeypatch.setattr("pipeline.crew.ray_workers.hire", lambda *_: nullcontext(workers))
+    monkeypatch.setattr("pipeline.crew.loop._hire", lambda *_: nullcontext(workers))
     return list(run(double, deque(jobs), Crew("ray", 1), LONG)), workers.tried
 
 
