@@ -26,7 +26,7 @@ from pipeline.planning.warm import is_compiled, warm_up
 from pipeline.report.page import refresh
 from pipeline.run.doctor.packages import installed_version
 from pipeline.run.drawing import draw_all, work_of
-from pipeline.run.floor import Probation, stops_in
+from pipeline.run.early_stop import EarlyStop, stopped_cells
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.mend import from_scenes, mend_assets, recover
 from pipeline.run.plan import cost_of
@@ -112,8 +112,8 @@ def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: 
         restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
         del known
         _announce(progress, dataset, recipe, todo, crew)
-        probation = Probation(dataset, recipe, jobs)
-        listeners = SlotListeners(progress, Metrics(crew), probation, ledger, unfinished)
+        early_stop = EarlyStop(dataset, recipe, jobs)
+        listeners = SlotListeners(progress, Metrics(crew), early_stop, ledger, unfinished)
         lost = _fill(dataset, jobs, crew, timeout, listeners)
         ledger.close()
         if recipe.variants > 1:
@@ -130,7 +130,7 @@ def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: 
         sweep(dataset.assets)
         attempts = dataset.write_attempts(recipe)
         write_atomic(dataset.provenance, seal(provenance(device, recipe)))
-    untried = probation.untried
+    untried = early_stop.untried
     parts[OPEN] -= len(untried & unfinished)
     accepted = dataset.present(dataset.entries(recipe, ())).accepted
     refresh(dataset, annotation_sheet)
@@ -144,7 +144,7 @@ def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: 
         attempts=len(attempts),
         reasons={each["values"]: each["counts"] for each in reasons if each["values"]},
         workers_lost=lost,
-        stopped=[stop.describe() for stop in stops_in(dataset, recipe)],
+        stopped=[stop.describe() for stop in stopped_cells(dataset, recipe)],
     )
 
 
@@ -188,7 +188,7 @@ class SlotListeners:
 
     progress: Progress
     metrics: Metrics
-    probation: Probation
+    early_stop: EarlyStop
     ledger: LedgerWriter
     unfinished: set[Slot]
 
@@ -199,8 +199,8 @@ class SlotListeners:
         self.ledger.add(slot, record)
         self.progress.add(record.attempts)
         self.metrics.add(record.attempts, record.phases)
-        known = len(self.probation.stops)
-        ready = self.probation.finish(slot, record.attempts)
+        known = len(self.early_stop.stops)
+        ready = self.early_stop.finish(slot, record.attempts)
         self.report_stopped(known)
         return ready
 
@@ -211,7 +211,7 @@ class SlotListeners:
 
     def report_stopped(self, known: int = 0) -> None:
         """Report the stopped cells after the first `known` ones."""
-        for stop in self.probation.stops[known:]:
+        for stop in self.early_stop.stops[known:]:
             self.progress.count_stopped(stop.cell.path, stop.slots, stop.because)
             self.progress.write_line(stop.describe())
 

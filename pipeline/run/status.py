@@ -12,7 +12,7 @@ from pipeline.data.ledger.columns import lengths, single
 from pipeline.data.ledger.entries import Entries, Files
 from pipeline.data.ledger.table import ONE
 from pipeline.data.pairs import pairs_in
-from pipeline.run.floor import stops_in
+from pipeline.run.early_stop import stopped_cells
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import redo_rows, redone
 from pipeline.stages.reasons import reasons_in
@@ -56,7 +56,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
         "pairs": asdict(pairs) if (pairs := pairs_in(dataset, recipe)) else None,
-        "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stops_in(dataset, recipe)],
+        "stopped": [{"cell": s.cell.path, "slots": s.slots, "because": s.because} for s in stopped_cells(dataset, recipe)],
         "redo": redo_rows(redo),
         "cells": {cell.path: {name: counts[rank] for name, counts in counted.items()} for rank, cell in enumerate(there.cells)},
     }

@@ -11,7 +11,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Cell, Floor, RecipeError, Slot, parse_recipe
-from pipeline.run.floor import Probation, judge, stops_in
+from pipeline.run.early_stop import EarlyStop, judge, stopped_cells
 from pipeline.run.slot.fill import SlotJob
 from tests.data.test_dataset import KEYS, attempt_row
 
@@ -52,17 +52,17 @@ def test_a_cell_stops_where_its_first_attempts_are_accepted_too_seldom():
 def test_the_same_slots_are_tried_whatever_the_order_in_which_they_end(tmp_path_factory, workers, seed):
     dataset, chance = Dataset(tmp_path_factory.getbasetemp() / "nothing"), Random(seed)
     jobs = jobs_of(RECIPE.physical_slots())
-    probation, running, made = Probation(dataset, RECIPE, jobs), list[SlotJob](), list[Slot]()
+    early_stop, running, made = EarlyStop(dataset, RECIPE, jobs), list[SlotJob](), list[Slot]()
     while jobs or running:
         while jobs and len(running) < workers:
             running.append(jobs.popleft())
         slot = running.pop(chance.randrange(len(running))).slot
         made.append(slot)
-        jobs.extend(probation.finish(slot, outcome(slot)))
+        jobs.extend(early_stop.finish(slot, outcome(slot)))
     wanted = {slot for slot in RECIPE.physical_slots() if slot.cell.level < 3 or slot.index < 2}
     assert len(made) == len(set(made)) and set(made) == wanted
-    assert {(stop.cell.level, stop.slots) for stop in probation.stops} == {(3, 3)}
-    assert probation.untried == {*RECIPE.physical_slots()} - wanted
+    assert {(stop.cell.level, stop.slots) for stop in early_stop.stops} == {(3, 3)}
+    assert early_stop.untried == {*RECIPE.physical_slots()} - wanted
 
 
 def test_a_build_goes_on_with_what_its_ledger_judges(tmp_path):
@@ -75,19 +75,19 @@ def test_a_build_goes_on_with_what_its_ledger_judges(tmp_path):
         accepted = rows[-1]["outcome"] == "accepted"
         dataset.ledger.add([(slot, SlotRecord(KEYS, accepted, "0" * 64 if accepted else "", rows, {}))])
     jobs = jobs_of(slot for slot in slots if slot not in done)
-    probation = Probation(dataset, RECIPE, jobs)
+    early_stop = EarlyStop(dataset, RECIPE, jobs)
     ready = {job.slot for job in jobs}
     assert ready == {s for s in slots if (s.cell.task == "stamp_seal" and s.index < 2) or (s.index >= 2 and s.cell.level < 3)} - {
         s for s in slots if s.cell.task == "stamp_seal" and s.index >= 2
     }
-    assert [stop.cell.path for stop in probation.stops] == ["click_bell/aloha-agilex/L3/clean"]
-    assert list(stops_in(dataset, RECIPE)) == probation.stops
+    assert [stop.cell.path for stop in early_stop.stops] == ["click_bell/aloha-agilex/L3/clean"]
+    assert list(stopped_cells(dataset, RECIPE)) == early_stop.stops
 
 
 def test_without_a_floor_everything_starts_at_once(tmp_path):
     recipe = RECIPE.model_copy(update={"floor": None})
     jobs = jobs_of(recipe.physical_slots())
-    assert len(jobs) == 30 and Probation(Dataset(tmp_path), recipe, jobs).finish(jobs[0].slot, tried(9)) == []
+    assert len(jobs) == 30 and EarlyStop(Dataset(tmp_path), recipe, jobs).finish(jobs[0].slot, tried(9)) == []
     assert len(jobs) == 30
     assert not differences(recipe, RECIPE) and not left_out(recipe, RECIPE)
 
