@@ -4,7 +4,9 @@ import base64
 import io
 import json
 import re
+import socket
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections import Counter
@@ -24,6 +26,7 @@ from pipeline.export.shared.video import frames_of
 from pipeline.report.viewer import choose, viewer_server, write_viewer
 from pipeline.report.viewer.data import episode_data, listing, skill_rows
 from pipeline.report.viewer.rerun_log import log_episode
+from pipeline.report.viewer.serve import CONNECTIONS
 from tests.browser import browse, needs_browser
 from tests.synthetic import CAMERAS, episode_path, make_episode
 
@@ -89,6 +92,12 @@ def test_a_choice_is_spread_and_its_levels_are_balanced(tmp_path):
     assert [path.parent.parent.name for path in choose(many + few, 4)] == ["L1", "L1", "L2", "L2"]
     assert len(choose(many + few, 10)) == 10 and set(few) < set(choose(many + few, 10))
     assert choose([], 3) == []
+    tasks = [f"task_{i}" for i in range(6)]
+    cells = [(task, level, slot) for task in tasks for level in (1, 3) for slot in range(5)]
+    paths = [tmp_path / task / "aloha" / f"L{level}" / "clean" / f"{slot}.hdf5" for task, level, slot in cells]
+    chosen = choose(paths, 12)
+    shown = Counter((path.parts[-5], path.parts[-3]) for path in chosen)
+    assert shown == dict.fromkeys(product(tasks, ("L1", "L3")), 1)
 
 
 def test_a_failed_attempt_is_shown_with_its_reason(dataset):
@@ -113,6 +122,18 @@ def test_the_server_answers_on_this_machine_and_for_its_own_files_only(dataset):
             for name in ("episode_2.js", "../manifest.yaml", "episodes/", "episode_0.hdf5"):
                 with pytest.raises(urllib.error.HTTPError, match="404"):
                     read(name)
+            for headers in ({"Host": "evil.example"}, {"Origin": "https://evil.example"}):
+                request = urllib.request.Request(f"http://{host}:{port}/list.js", headers=headers)
+                with pytest.raises(urllib.error.HTTPError, match="403"):
+                    urllib.request.urlopen(request)
+            before = threading.active_count()
+            half_open = [socket.create_connection((host, port)) for _ in range(3 * CONNECTIONS)]
+            try:
+                time.sleep(0.3)
+                assert threading.active_count() - before <= CONNECTIONS
+            finally:
+                for each in half_open:
+                    each.close()
         finally:
             server.shutdown()
             thread.join()
@@ -193,6 +214,11 @@ def test_a_person_looks_through_the_pages(dataset, tmp_path):
         assert np.abs(edges[0] - edges[1]).max() <= 1
         seen = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
         assert seen.shape[1] == 1300 and seen.std() > 10
+        assert page.run("at('show-masks').parentElement.hidden") is False
+        page.press("n")
+        page.wait("shown == 1 && at('show-masks').parentElement.hidden")
+        page.run("location.hash = '#episode=a+b.hdf5&frame=1'")
+        page.wait("at('count').textContent.includes('a+b.hdf5 is not on this page')")
         page.run("location.hash = '#episode=episodes/none.hdf5&frame=1'")
         page.wait("at('count').textContent.includes('none.hdf5 is not on this page')")
         page.click("#to-failures")

@@ -3,6 +3,7 @@
 import base64
 import gzip
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -48,14 +49,21 @@ def _script(before: str, values: Any, after: str) -> bytes:
 
 
 def choose(episodes: Sequence[Path], count: int) -> list[Path]:
-    """At most `count` episodes, sorted: levels take equal parts as far as they reach, spread evenly over their episodes."""
-    levels: dict[str, list[Path]] = {}
+    """At most `count` episodes, sorted: tasks take equal parts as far as they reach, within them
+    levels do, and those are spread evenly over their episodes."""
+    levels: dict[tuple[str, str], list[Path]] = {}
     for path in sorted(episodes):
-        levels.setdefault(path.parent.parent.name, []).append(path)
+        task, _, level = path.parts[-5:-2]
+        levels.setdefault((task, level), []).append(path)
     parts = dict.fromkeys(levels, 0)
+    of_task = Counter[str]()
+    of_level = Counter[str]()
     for _ in range(min(count, len(episodes))):
-        poorest = min((name for name in levels if parts[name] < len(levels[name])), key=lambda name: parts[name])
+        left = (name for name in levels if parts[name] < len(levels[name]))
+        poorest = min(left, key=lambda name: (of_task[name[0]], parts[name], of_level[name[1]]))
         parts[poorest] += 1
+        of_task[poorest[0]] += 1
+        of_level[poorest[1]] += 1
     return sorted(mine[i * len(mine) // parts[name]] for name, mine in levels.items() for i in range(parts[name]))
 
 

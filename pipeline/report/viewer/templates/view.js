@@ -38,7 +38,8 @@ async function start() {
 
 // A link names an episode by its file, so that it holds for every page and server of the dataset: #episode=FILE&frame=N
 function follow() {
-  const asked = new URLSearchParams(location.hash.slice(1)), file = asked.get("episode");
+  // a plus in the name of a robot is a plus: this address is no form
+  const asked = new URLSearchParams(location.hash.slice(1).replaceAll("+", "%2B")), file = asked.get("episode");
   if (file === null) return;
   const number = DOMINO.episodes.findIndex(e => e.file === file), wanted = Math.max(0, parseInt(asked.get("frame")) || 0);
   if (number < 0) return at("count").textContent = `${file} is not on this page: use view --serve, which shows all episodes`;
@@ -132,6 +133,9 @@ async function show(values) {
     add(figure, "canvas", undefined, {id: `canvas-${name}`, width, height});
     add(figure, "figcaption", name.replaceAll("_", " "));
   }
+  const shows = {"show-masks": Object.values(data.cameras).some(camera => camera.outlines.length),
+    "show-flow": Object.keys(data.boxes).some(name => name.endsWith(" flow"))};
+  for (const [id, there] of Object.entries(shows)) at(id).parentElement.hidden = !there;
   film.src = data.film;
   timeline();
   at("joint").replaceChildren();
