@@ -53,14 +53,15 @@ def open_dataset(path: Place) -> "Dataset":
     return dataset
 
 
-def verify(dataset: Place, *, workers: int = 1) -> dict[str, Any]:
-    """Check everything that a dataset promises; `ok` is true if all checks pass, `checks` has a row for every check.
+def verify(dataset: Place, *, workers: int = 1, again: int = 0) -> dict[str, Any]:
+    """Check every file of a dataset against what was written, and make `again` of its episodes again; `ok` is true if nothing
+    differs, `problems` has a line for whatever does.
 
     Raises DatasetError if there is no dataset.
     """
-    from pipeline.run.verify.dataset import verify as run_verify
+    from pipeline.run.verify import verify as run_verify
 
-    return run_verify(open_dataset(dataset), _crew(workers))
+    return run_verify(open_dataset(dataset), _crew(workers), again=again)
 
 
 def export(

@@ -13,7 +13,8 @@ from pipeline.crew.contract import Crew
 from pipeline.data.dataset import EDITED, Dataset
 
 FEW = 50  # slots that are judged sooner than workers are started
-MOST_FRAMES = 100_000  # more than any episode has
+MOST_AGAIN = 1_000_000
+SHOWN = 40  # problems that are printed for a person; --json prints all
 
 
 def status(dataset: Root, as_json: AsJson = False) -> None:
@@ -50,23 +51,33 @@ def verify(
     dataset: Root,
     executor: Executor = "auto",
     workers: Workers = None,
-    draw: Annotated[
-        int, typer.Option(min=0, max=MOST_FRAMES, help="Frames of each camera to render again and compare, per episode.")
+    again: Annotated[
+        int,
+        typer.Option(min=0, max=MOST_AGAIN, help="Random episodes to simulate again and compare with those stored."),
     ] = 0,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check everything that a dataset promises; exit code 1 if something does not hold or cannot be compared."""
-    from pipeline.run.verify.dataset import verify as run_verify
-    from pipeline.run.verify.tally import closing
+    """Check every file of a dataset against what was written; exit code 1 if one differs, or cannot be made again."""
+    from pipeline.run.verify import verify as run_verify
 
     source = Dataset(dataset)
     crew = crew_of(executor, workers, None)
     if executor == "auto" and workers is None and not any(islice(source.recipe().slots(), FEW, None)):
         crew = Crew()
-    values = run_verify(source, crew, not quiet and not as_json, draw)
-    lines = [f"{'ok  ' if c['ok'] else 'FAIL' if c['problems'] else '??? '} {c['name']}: {c['detail']}" for c in values["checks"]]
-    print_result(values, as_json, "\n".join([*lines, closing(values)]))
+    values = run_verify(source, crew, not quiet and not as_json, again)
+    problems = values["problems"]
+    lines = problems[:SHOWN] + [f"and {len(problems) - SHOWN} more (--json prints all)"] * (len(problems) > SHOWN)
+    lines += values["again"]
+    if missing := again - len(values["again"]):
+        lines.append(
+            f"{missing} of {again} episodes are not made again: no others are sound and of this version of code and packages"
+        )
+    verdict = f"{len(problems)} problems" if problems else "sound" if values["ok"] else "no problem found"
+    verdict += f": {values['files']} files, {values['episodes']} sound episodes"
+    verdict += f", {values['open']} slots not built yet" if values["open"] else ""
+    verdict += f", {values['stale']} made by another version of code or recipe, see status" if values["stale"] else ""
+    print_result(values, as_json, "\n".join([*lines, verdict]))
     if not values["ok"]:
         raise typer.Exit(1)
 

@@ -32,6 +32,11 @@ def content_hashes(file: h5py.File, read: Callable[[str], Any]) -> dict[str, str
     return {name: _hash(read(name)) for name in names} | {HEADER: digest(attributes)}
 
 
+def differing(a: Mapping[str, str], b: Mapping[str, str]) -> list[str]:
+    """Names whose hashes differ, sorted."""
+    return sorted(name for name in {*a, *b} if a.get(name) != b.get(name))
+
+
 def _hash(values: Any) -> str:
     # texts are objects, one alone is no array where h5py reads it
     texts = [values] if isinstance(values, bytes) else values.ravel().tolist() if values.dtype.hasobject else None

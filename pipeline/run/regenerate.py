@@ -1,16 +1,15 @@
 """`domino-data regenerate`: one episode made again from its recipe, elsewhere, and compared byte by byte with the stored one."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-import h5py
-import numpy as np
-
+from pipeline.data.content import differing
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.episode.hdf5 import open_hdf5
-from pipeline.data.keys import file_hash
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.keys import Key, file_hash
 from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.identity.slot_keys import code_version, slot_keys
@@ -19,15 +18,14 @@ from pipeline.run.slot.fill import Lost, SlotJob, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
 from pipeline.world.drawing.vulkan import ensure_renderer
 
-_MOST = 12
-
 
 @dataclass(frozen=True)
 class Regenerated:
     """The comparison of a stored episode with the same episode made again.
 
-    `stored` and `made` are the sha256 of both files, `differ` the arrays and attributes that differ, `changed` the parts of the
-    keys that changed since the episode was made.
+    `stored` and `made` are the sha256 of both files, `differ` the datasets that differ ("header" for attributes), `changed` the
+    parts of the keys that changed since the episode was made. `device` tells why images are not
+    comparable; it is empty if the same kind of device drew both.
     """
 
     slot: str
@@ -36,29 +34,35 @@ class Regenerated:
     made: str
     differ: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
+    device: str = ""
 
 
 def regenerate(dataset: Dataset, episode: str) -> Regenerated:
     """Make an episode again in a temporary directory, with all attempts at its slot, and compare. The dataset is left as it is.
 
     `episode` is the path of the file, from anywhere below `episodes/`. Raises DatasetError for one that is not in the dataset,
-    NoRenderer without Vulkan.
+    EpisodeError for a file that cannot be read, NoRenderer without Vulkan.
     """
     recipe = installed_recipe(dataset)
     slot = find_slot(dataset, recipe, episode)
-    record = dataset.record(slot)
-    if record is None or not record.accepted or not dataset.episode(slot).is_file():
-        raise DatasetError(f"{dataset.episode(slot)}: is not there, or has no ledger entry: build it first")
-    ensure_renderer()
+    path = dataset.episode(slot)
+    if not path.exists():
+        raise DatasetError(f"{path}: is not there: build it first")
+    with EpisodeFile(path) as file:
+        held = file.meta.keys
+    here = ensure_renderer()
     keys = slot_keys(recipe, slot)
-    changed = tuple(f"{kind}.{part}" for kind in vars(keys) for part in getattr(record.keys, kind).changed(getattr(keys, kind)))
+    changed = tuple(
+        f"{kind}.{part}" for kind, parts in keys.to_json().items() for part in Key(held.get(kind, {})).changed(Key(parts))
+    )
     with TemporaryDirectory(prefix="domino-regenerate-") as folder:
         copy = Dataset(Path(folder) / "dataset")
         copy.create(recipe)
-        made = _make(copy, recipe, slot, dataset.record(slot.physical) or record)
-        stored = file_hash(dataset.episode(slot))
-        differ = () if made.sha256 == stored else tuple(_differences(dataset.episode(slot), copy.episode(slot)))
-    return Regenerated(slot.path, made.sha256 == stored, stored, made.sha256, differ, changed)
+        record = dataset.record(slot.physical)
+        made = _make(copy, recipe, slot, record.attempts if record else ())
+        stored = file_hash(path)
+        differ = () if made.sha256 == stored else tuple(_differences(path, copy.episode(slot)))
+    return Regenerated(slot.path, made.sha256 == stored, stored, made.sha256, differ, changed, _other_device(dataset, here))
 
 
 def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
@@ -74,9 +78,9 @@ def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
     raise DatasetError(f"--episode {episode}: {dataset.root} has no such slot; write it as {first}")
 
 
-def _make(copy: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord) -> SlotRecord:
+def _make(copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]) -> SlotRecord:
     """Fill the slot again, without any attempt that once killed two workers."""
-    lost = tuple(Lost(row["attempt"], row["reason"], row["seconds"]) for row in record.attempts if row.get("stage") == "worker")
+    lost = tuple(Lost(row["attempt"], row["reason"], row["seconds"]) for row in attempts if row.get("stage") == "worker")
     physical = fill_slot(SlotJob(str(copy.root), recipe, slot.physical, code_version(), lost=lost))
     if not slot.variant or not physical.accepted:
         return physical
@@ -87,28 +91,28 @@ def _make(copy: Dataset, recipe: Recipe, slot: Slot, record: SlotRecord) -> Slot
     return drawn
 
 
-def _differences(stored: Path, made: Path) -> Iterator[str]:
-    """Names of what differs between two episode files, the first few."""
+def _other_device(dataset: Dataset, here: str) -> str:
+    """Who drew the images of a dataset, if not the device here: two devices do not give the same pixels."""
     try:
-        with open_hdf5(stored) as a, open_hdf5(made) as b:
-            names = [f"attribute {name}" for name in sorted({*a.attrs, *b.attrs}) if a.attrs.get(name) != b.attrs.get(name)]
-            arrays: list[dict[str, h5py.Dataset]] = [{}, {}]
-            for file, found in zip((a, b), arrays, strict=True):
-                file.visititems(lambda name, each, to=found: to.update({name: each}) if isinstance(each, h5py.Dataset) else None)
-            first, second = arrays
-            for name in sorted({*first, *second}):
-                if name not in first or name not in second or not _same(first[name], second[name]):
-                    names.append(name)
-    except OSError:
-        names = ["one of the files cannot be read"] if made.is_file() else ["no attempt was accepted"]
-    yield from names[:_MOST]
-    if len(names) > _MOST:
-        yield f"and {len(names) - _MOST} more"
+        made = dataset.made_by()
+    except DatasetError:
+        made = {}
+    merged = [each for each in made.get("merged_from", ()) if isinstance(each, dict)]
+    named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {"an unknown device"}
+    return "" if named == {here} else f"drawn by {', '.join(sorted(named))}, here by {here}"
 
 
-def _same(a: h5py.Dataset, b: h5py.Dataset) -> bool:
-    if a.dtype != b.dtype or a.shape != b.shape:
-        return False
-    first, second = np.asarray(a[()]), np.asarray(b[()])
-    # texts are objects, whose bytes are addresses
-    return first.tolist() == second.tolist() if first.dtype.hasobject else first.tobytes() == second.tobytes()
+def is_image(name: str) -> bool:
+    """Whether a dataset of an episode file is what a renderer drew."""
+    return name == "pointcloud" or name.rpartition("/")[2] in ("rgb", "depth", "actor_segmentation")
+
+
+def _differences(stored: Path, made: Path) -> list[str]:
+    """Names of the datasets in which two episode files differ."""
+    if not made.is_file():
+        return ["no attempt was accepted"]
+    try:
+        with EpisodeFile(stored) as a, EpisodeFile(made) as b:
+            return differing(a.contents(), b.contents())
+    except EpisodeError as error:
+        return [str(error)]

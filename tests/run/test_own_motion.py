@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from pipeline.run.verify.dataset import verify
 from typer.testing import CliRunner
 
 from pipeline.cli import app
@@ -18,7 +19,6 @@ from pipeline.run.export import Request, export
 from pipeline.run.names import recipe_from
 from pipeline.run.regenerate import regenerate
 from pipeline.run.status import status
-from pipeline.run.verify.dataset import verify
 from tests.motion.sway import SwayModel
 
 

@@ -14,7 +14,7 @@ from h5py import h5d, h5g, h5o, h5s  # pyright: ignore[reportAttributeAccessIssu
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from pipeline.data.content import HASHES, content_hashes
+from pipeline.data.content import HASHES, content_hashes, differing
 from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.episode.jpeg import EpisodeError, decode_frame, stated_size
 from pipeline.data.episode.meta import EpisodeMeta
@@ -242,10 +242,17 @@ class EpisodeFile:
 
         Changed attributes are reported as content.HEADER."""
         try:
-            written, found = dict(parse_json(self._text(HASHES))), content_hashes(self._file, self.array)
+            written = dict(parse_json(self._text(HASHES)))
         except _FAULTS as error:
             raise EpisodeError(f"{self.path}: its hashes cannot be read ({_line(error)})") from error
-        return sorted(name for name in {*written, *found} if written.get(name) != found.get(name))
+        return differing(written, self.contents())
+
+    def contents(self) -> dict[str, str]:
+        """The hash of every dataset by its name, and of the attributes under content.HEADER, as they are now."""
+        try:
+            return content_hashes(self._file, self.array)
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: its content cannot be read ({_line(error)})") from error
 
     def read(self) -> Episode:
         """The whole episode without its images. Raises EpisodeError for one that is not complete."""

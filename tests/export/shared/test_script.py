@@ -5,6 +5,7 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from pipeline.run.verify.arrays import check_arrays
 
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.export.formats.lerobot.format import data_columns
@@ -12,7 +13,6 @@ from pipeline.export.formats.parquet_table import Plan, episode_table
 from pipeline.export.shared.episodes import read_facts, reading
 from pipeline.export.shared.script import describe_runs, rows_of, script_of
 from pipeline.motion.paths import path_ahead
-from pipeline.run.verify.arrays import check_arrays
 from tests.synthetic import episode_path, make_episode
 
 NAMES = {"block": "the block", "cup": "the cup"}

@@ -5,6 +5,8 @@ import shutil
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from pipeline.run.verify.layout import check_failures, check_strays
+from pipeline.run.verify.stored import check_export
 
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
@@ -15,8 +17,6 @@ from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, read_states, states
-from pipeline.run.verify.layout import check_failures, check_strays
-from pipeline.run.verify.stored import check_export
 from pipeline.tasks import TASKS
 from tests.synthetic import make_episode
 

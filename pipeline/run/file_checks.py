@@ -1,0 +1,161 @@
+"""Whether a file of a dataset is what was written: its own hash, its key, and that it decodes. Each file is judged alone."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.annotate.stage_key import annotation_key, stage_key
+from pipeline.data.annotations import CorruptAnnotation, read_entry
+from pipeline.data.assets import AssetStore
+from pipeline.data.dataset import Dataset
+from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.episode.schema import faults
+from pipeline.data.errors import DominoError
+from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.parsing import parse_json
+from pipeline.data.reading import IRREGULAR, check_regular, printable, read_regular
+from pipeline.data.recipe.cells import Cell, Slot
+from pipeline.data.sealed import is_unchanged
+from pipeline.data.store.mirror import fetch_below, free_space
+from pipeline.export.shared.record import read_record
+
+FAULTS = (
+    *(ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError),
+    *(DominoError, CorruptAnnotation, pa.ArrowException),
+)
+"""What a damaged file may make h5py, numpy, Arrow and our own readers raise, depending on which byte it is."""
+
+AGAIN = "run the build again"
+_OF_RECIPE = ("slot", "recipe")
+_ATTEMPT = re.compile(r"_attempt_\d{3}$")
+
+
+@dataclass(frozen=True)
+class FileJob:
+    """A file to judge, or the directory of an export: its path below the dataset `root`.
+
+    `sha256` is what the dataset's index says of the file ("" for nothing), `keys` are those that the
+    recipe and the present code give its slot (None if unknown).
+    """
+
+    root: str
+    path: str
+    sha256: str = ""
+    keys: SlotKeys | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is wrong with a file, in one line each without its path; `stale` if its keys are not
+    those of the present code, `assets` are the names of those that it was drawn from, `note` is said
+    of it in any case."""
+
+    path: str
+    problems: tuple[str, ...] = ()
+    stale: bool = False
+    assets: tuple[str, ...] = ()
+    note: str = ""
+
+
+def judge(job: FileJob) -> Judged:
+    """Judge one file."""
+    path, folder = Path(job.root) / job.path, job.path.partition("/")[0]
+    judged, problems = Judged(job.path), list[str]()
+    try:
+        if folder == "exports":
+            problems = list(_check_export(path))
+        else:
+            check_regular(path)
+            if job.sha256 and file_hash(path) != job.sha256:
+                problems = [f"its bytes are not those that were written; {AGAIN}"]
+            elif folder in ("episodes", "failures"):
+                judged = _judge_episode(job, path)
+            else:
+                problems = list(_CHECKS[folder](path))
+    except FAULTS as error:
+        said = error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else error
+        problems.append(" ".join(str(said).split())[:200].removeprefix(f"{path}: ") or type(error).__name__)
+    if folder == "episodes":
+        free_space(path)
+    return Judged(job.path, (*map(printable, problems), *judged.problems), judged.stale, judged.assets)
+
+
+def _judge_episode(job: FileJob, path: Path) -> Judged:
+    """An accepted episode, or a failed attempt that is kept."""
+    problems = list[str]()
+    with EpisodeFile(path) as file:
+        if damaged := file.damaged():
+            problems.append(f"its content is not what was written ({', '.join(damaged[:3])}); {AGAIN}")
+        meta, spec = file.meta, file.spec
+        cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+        of_failure = job.path.startswith("failures")
+        place = f"{'failures' if of_failure else 'episodes'}/{Slot(cell, spec.slot, meta.variant).path}"
+        if _ATTEMPT.sub("", job.path.removesuffix(".hdf5")) != place or of_failure != (meta.failure is not None):
+            problems.append(f"is the {'failed attempt' if meta.failure else 'episode'} {place}, not that of its place; {AGAIN}")
+        problems += [f"{fault}; {AGAIN}" for fault in faults(file)]
+        held = SlotKeys.from_json(meta.keys) if meta.keys else None
+        if held and (meta.physics_key, meta.render_key) != (held.physics.digest, held.render.digest):
+            problems.append(f"its keys are not those of their parts; {AGAIN}")
+        if held and job.keys:
+            kinds = zip(vars(held), _keys_of(held), _keys_of(job.keys), strict=True)
+            other = [f"{kind}.{part}" for kind, a, b in kinds for part in a.changed(b) if part in _OF_RECIPE]
+            problems += [f"its keys are not those of the recipe ({', '.join(other)}); {AGAIN}"] if other else []
+        stale = job.keys is not None and held != job.keys
+        return Judged(job.path, tuple(map(printable, problems)), stale, tuple(meta.drawing.assets.values()))
+
+
+def _keys_of(keys: SlotKeys) -> tuple[Key, Key, Key]:
+    return keys.physics, keys.render, keys.language
+
+
+def _check_annotation(path: Path) -> Iterator[str]:
+    """One annotation, or the stage.json of a directory of them."""
+    directory = next((each for each in path.parents if each.parent.name == "annotations"), path.parent)
+    stage = parse_json(read_regular(directory / "stage.json"))
+    of = (str(stage["stage"]), int(stage["version"]), dict(stage["parameters"]))
+    if directory.name != f"{of[0]}@{stage_key(*of)}":
+        yield f"stage.json is not that of {directory.name}; run annotate again"
+    if path.suffix == ".h5":
+        entry = read_entry(path)
+        if annotation_key(*of, entry.attributes.get("inputs", {})) != entry.key:
+            yield "its key is not that of its stage and inputs; run annotate again"
+
+
+def _check_asset(path: Path) -> Iterator[str]:
+    store = AssetStore(path.parents[1])
+    if store.path(path.stem) != path:
+        yield "is no asset; remove it"
+    else:
+        store.get(path.stem)
+
+
+def _check_export(place: Path) -> Iterator[str]:
+    """The files of one export against the hashes that were written with them."""
+    fetch_below(place)
+    record = read_record(place)
+    yield from (f"{path.relative_to(place)} is no part of the export; move it away" for path in record.foreign())
+    for name in sorted(record.contents):
+        if problem := record.problem(name):
+            yield f"{name} {problem}; export again"
+
+
+def _check_attempts(path: Path) -> Iterator[str]:
+    pq.read_table(path)
+    yield from ()
+
+
+def _check_provenance(path: Path) -> Iterator[str]:
+    if not is_unchanged(Dataset(path.parent).made_by()):
+        yield f"was edited after it was written; {AGAIN}"
+
+
+_CHECKS: dict[str, Callable[[Path], Iterator[str]]] = {
+    "annotations": _check_annotation,
+    "assets": _check_asset,
+    "attempts.parquet": _check_attempts,
+    "provenance.json": _check_provenance,
+}
