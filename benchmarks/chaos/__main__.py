@@ -112,7 +112,7 @@ def disturbed(part: Part, site: Site, chance: Random) -> tuple[Outcome, Counter[
     live(site, Life(()), outcome, mark)
     if site.stored is None:  # of the stored episode verify says that it is that of no slot
         damaged.update(decay(site.root, chance) for _ in range(DECAYED))
-        if '"ok": false' not in verified(site.root):  # it also notes for the build what has its length and time
+        if '"ok": false' not in verified(site.root):  # and gives it another time, so that the build reads it
             outcome.wrong.append("verify: finds nothing wrong where bits were inverted")
     for _ in range(2):  # the second has nothing to do
         live(site, Life(()), outcome, mark)

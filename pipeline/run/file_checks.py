@@ -50,9 +50,11 @@ class FileJob:
 
 @dataclass(frozen=True)
 class Judged:
-    """What is wrong with a file, in one line each without its path; `stale` if its keys are not
-    those of the present code, `assets` are the names of those that it was drawn from, `note` is said
-    of it in any case."""
+    """What is wrong with a file: `problems` of one line each, without its path.
+
+    `stale` tells that its keys are not those of the present code, `assets` names what it was drawn
+    from, and `note` is printed whether there are problems or not.
+    """
 
     path: str
     problems: tuple[str, ...] = ()

@@ -49,6 +49,8 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
         here, there = source.root.resolve(), out.root.resolve()
         if here.is_relative_to(there) or there.is_relative_to(here):
             raise DatasetError(f"--out {out.root} is one of the datasets, within one or around it: name another directory")
+    for source in sources:
+        source.check_seal()
     recipes = [source.recipe() for source in sources]
     recipe = _join_recipes(sources, recipes)
     held = [dict(source.records(own)) for source, own in zip(sources, recipes, strict=True)]

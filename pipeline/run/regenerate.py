@@ -92,7 +92,7 @@ def _make(copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[
 
 
 def _other_device(dataset: Dataset, here: str) -> str:
-    """Who drew the images of a dataset, if not the device here: two devices do not give the same pixels."""
+    """The device that drew the images of a dataset, if it is not the one here: two do not give the same pixels."""
     try:
         made = dataset.made_by()
     except DatasetError:

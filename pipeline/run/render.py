@@ -57,6 +57,7 @@ def render(
     here, there = source.root.resolve(), out.root.resolve()
     if here.is_relative_to(there) or there.is_relative_to(here):
         raise DatasetError(f"--out {out.root} is the dataset itself, within it or around it: name another directory")
+    source.check_seal()
     held = source.recipe()
     recipe = parse_recipe(held.model_dump() | changes, "options", flags)
     _check_cameras(source, held, recipe)

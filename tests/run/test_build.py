@@ -14,7 +14,6 @@ import pytest
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key
-from pipeline.data.ledger.table import encode
 from pipeline.run.names import recipe_from
 from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
@@ -22,7 +21,6 @@ from pipeline.stages.hints import NO_MOTION_HINTS
 from tests.full_disk import longest_file
 from tests.run.command import PATIENCE, WANTED, contents, inside, slots, start, temporaries
 from tests.run.processes import wait_for
-from tests.synthetic import make_episode
 
 pytestmark = pytest.mark.usefixtures("without_report")
 
@@ -37,26 +35,8 @@ def mine(built, tmp_path):
 
 
 def test_a_built_dataset_keeps_its_promises(built):
-    checks = json.loads(inside("verify", built, "--json")[1])
-    assert checks["ok"]
-    assert checks["episodes"] == 3
-    names = {c["name"] for c in checks["checks"]}
-    assert names >= {
-        "hashes",
-        "frames",
-        "timestamps",
-        "jpeg",
-        "target path",
-        "meeting place",
-        "meeting",
-        "speed",
-        "abrupt",
-        "success",
-    }
-    assert all(c["ok"] and c["checked"] for c in checks["checks"])
-    meeting = checks["meeting"]["click_bell"]
-    assert meeting["median_abs_seconds"] < 0.1
-    assert meeting["median_metres"] < 0.01
+    found = json.loads(inside("verify", built, "--json")[1])
+    assert (found["ok"], found["problems"], found["episodes"]) == (True, [], 3)
     _, out, _ = inside("status", built, "--json")
     status = json.loads(out)
     assert (status["wanted"], status["accepted"], status["given_up"], status["open"]) == (3, 3, 0, 0)
@@ -111,9 +91,8 @@ def test_exports_take_the_episodes_asked_for_and_are_checked_with_the_dataset(mi
     assert code == 2 and "--embodiment piper: the dataset has only aloha-agilex" in err
     next((mine / "exports" / "parquet").glob("data-*.parquet")).write_bytes(b"")
     code, out, _ = inside("verify", mine, "--json")
-    checks = {c["name"]: c["ok"] for c in json.loads(out)["checks"]}
-    assert (code, checks["export aloha"]) == (1, True)
-    assert [name for name, good in checks.items() if not good] == ["export parquet"]
+    problems = json.loads(out)["problems"]
+    assert code == 1 and {problem.partition(":")[0] for problem in problems} == {"exports/parquet"}
 
 
 def test_a_damaged_episode_is_found_and_made_again(mine, built):
@@ -122,11 +101,8 @@ def test_a_damaged_episode_is_found_and_made_again(mine, built):
     path.write_bytes(whole[: len(whole) // 2])
     code, out, err = inside("verify", mine, "--json")
     assert (code, err) == (1, "")
-    failed = {c["name"]: c["problems"] for c in json.loads(out)["checks"] if not c["ok"]}
-    name = path.relative_to(mine).as_posix()
-    assert failed["hashes"][0].startswith(name)
-    assert failed["readable"][0].startswith(name)
-    assert set(failed) == {"hashes", "readable"}
+    problems = json.loads(out)["problems"]
+    assert {problem.partition(":")[0] for problem in problems} == {path.relative_to(mine).as_posix()}
     path.unlink()
     code, out, err = inside("build", *WANTED, "--out", mine, "--quiet", "--json", "--executor", "inline")
     assert (code, err, json.loads(out)["made"]) == (0, "", 1)
@@ -357,14 +333,3 @@ def test_exports_of_nothing_and_of_an_unknown_kind_are_refused(tmp_path):
         assert said in err
         assert err.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["manifest.yaml"]
-
-
-def test_an_episode_without_a_ledger_entry_is_found(mine):
-    ledger = Dataset(mine).ledger
-    [(group, table)] = [(group, ledger.table(group)) for group in ledger.groups()]
-    ledger.file(group).write_bytes(encode(table.filter([level != 3 for level in table["level"].to_pylist()])))
-    stray = next(mine.glob("episodes/**/L3/**/*.hdf5"))
-    make_episode(stray, frames=2)
-    code, out, _ = inside("verify", mine, "--json")
-    assert code == 1
-    assert stray.relative_to(mine).as_posix() in next(c for c in json.loads(out)["checks"] if c["name"] == "files")["problems"][0]

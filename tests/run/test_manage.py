@@ -240,6 +240,8 @@ def test_an_edited_manifest_is_named_and_costs_nothing(tmp_path, old, new):
     for words in (
         ("gc", dataset.root),
         ("build", "--tasks", "click_bell", "--levels", "1", "--episodes", "3", "--out", dataset.root),
+        ("merge", dataset.root, tmp_path / "b", "--out", tmp_path / "c"),
+        ("render", dataset.root, "--out", tmp_path / "c"),
     ):
         code, out, err = inside(*words)
         assert (code, out) == (2, "") and said in err and err.count("\n") == 1

@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
-from pipeline.run.verify.arrays import check_arrays
 
+from pipeline.data.episode.schema import faults
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.export.formats.lerobot.format import data_columns
 from pipeline.export.formats.parquet_table import Plan, episode_table
@@ -85,7 +84,7 @@ def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_d
     names = {"head_camera": "cam_high", "left_camera": "cam_left_wrist", "right_camera": "cam_right_wrist"}
     with reading(path) as file:
         facts = read_facts(file, tmp_path)
-        assert not [found.problem for found in check_arrays(file) if found.problem]
+        assert not list(faults(file))
         plan = Plan(15, names, {}, (), (), facts.corrected)
         table = episode_table(0, facts, file, plan, tmp_path)
     lerobot = data_columns(facts, names, 0, 0, 0)
@@ -94,12 +93,3 @@ def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_d
         np.testing.assert_allclose(column - facts.log.action, 0.5 * (np.arange(6) < 2)[:, None] + np.zeros(14), atol=1e-6)
     script = scripted(facts, SkillRun("lift", ("left",), "", "", "finish", 48, 96))
     assert script.skill == ["policy", "policy", "wait", "lift", "lift", "lift"]
-
-
-def test_an_expert_action_that_was_not_executed_is_found(tmp_path):
-    path = make_episode(episode_path(tmp_path), frames=6, corrected=2, meta={"corrects": "static"})
-    with h5py.File(path, "r+") as file:
-        file["expert_action"][4, 0] += 0.1
-    with reading(path) as file:
-        found = [finding.problem for finding in check_arrays(file) if finding.problem]
-    assert found == ["intervention is not what expert_action and joint_action/vector say"]

@@ -5,18 +5,18 @@ import shutil
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from pipeline.run.verify.layout import check_failures, check_strays
-from pipeline.run.verify.stored import check_export
 
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.episodes import FAILURES, ExportError
+from pipeline.export.shared.record import check_export
 from pipeline.motion.models import motion_from_json
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, read_states, states
+from pipeline.run.verify import verify
 from pipeline.tasks import TASKS
 from tests.synthetic import make_episode
 
@@ -51,10 +51,6 @@ def moving():
 @pytest.fixture(scope="module")
 def failed(tmp_path_factory, moving):
     return fill(tmp_path_factory.mktemp("failed") / "out", keep_failures="rendered")
-
-
-def problems(findings):
-    return [finding.problem for finding in findings if finding.problem]
 
 
 def test_a_failed_replay_is_a_file_that_says_why(failed):
@@ -97,21 +93,22 @@ def test_an_export_of_failures_says_so_and_is_compared_with_them(failed, tmp_pat
     assert exporter.export(job)["split"] == FAILURES
     (row,) = pq.read_table(place / "episodes.parquet").to_pylist()
     assert '"stood_still"' in row["failure"] and row["t_success"] is None
-    assert problems(check_export(copy, place, [])) == []
+    assert check_export(copy.root, place, copy.intact_failures(recipe)) == []
 
 
 def test_damage_and_strays_are_found(failed, tmp_path):
     dataset, recipe, _ = failed
     copy = Dataset(tmp_path / "copy")
     shutil.copytree(dataset.root, copy.root)
-    assert problems(check_failures(copy, recipe)) == problems(check_strays(copy, recipe)) == []
+    assert verify(copy)["problems"] == []
     ((path, _),) = copy.kept_failures(recipe)
     shutil.copy(path, path.with_name("episode_0000000_attempt_007.hdf5"))
-    assert "belongs to no slot" in problems(check_strays(copy, recipe))[0]
+    assert any("attempt_007.hdf5: belongs to no slot" in problem for problem in verify(copy)["problems"])
     with path.open("r+b") as file:
         file.seek(-1, 2)
         file.write(b"\1")
-    assert "sha256" in problems(check_failures(copy, recipe))[0]
+    name = path.relative_to(copy.root).as_posix()
+    assert any(problem.startswith(f"{name}: its bytes are not") for problem in verify(copy)["problems"])
     with pytest.raises(DatasetError, match="sha256"):
         copy.intact_failures(recipe)
 
