@@ -5,7 +5,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from pipeline.run.verify.dataset import verify
 from typer.testing import CliRunner
 
 from pipeline.cli import app

@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
-from pipeline.run.verify.dataset import verify
 
 from pipeline.crew.contract import Crew
 from pipeline.data.brought import _held_textures
@@ -29,10 +28,7 @@ from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.status import status
-<<<<<<< HEAD
-=======
 from pipeline.run.verify import verify
->>>>>>> 6dcb47f6 (Pages, promises of the physics as a test, and what else called the old verify)
 from pipeline.stages.drawing.redraw import facing
 from tests.export.running import run as run_export
 from tests.run.command import inside, start
