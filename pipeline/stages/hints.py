@@ -15,6 +15,7 @@ HINTS = {
     "no_success": "compare `finish` with these conditions: does each hold in a still scene (--levels 0), with that tolerance?",
     "no_motion": "no motion fits: a smaller alpha, a quicker `meet`, or a larger workspace",
     "missed": "the target slides past what should touch it: meet it at its middle, with the jaws across its path",
+    "occluded": "the arm hides the target: approach from another side, or move the region to where the camera looks past the arm",
     "clutter_touched": "a distractor stands in the way: the next seed draws others",
     "arms_collide": "keep the arms apart: one after the other instead of `together`, or regions farther from x = 0",
     "path_blocked": _ROOM,

@@ -18,10 +18,12 @@ from pipeline.data.rules import rules_of
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.planar.motion import PlanarMotion
-from pipeline.poses import angle_between, inverse, transform, yawed
+from pipeline.poses import angle_between, compose, inverse, pose, transform, yawed
 from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.drawing.render import appearance_of, render, visuals_of
+from pipeline.stages.drawing.tracks import require_view
+from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
 from pipeline.stages.surroundings import (
     ARM_GAP,
@@ -250,6 +252,25 @@ def test_path_and_planner_take_clutter_for_obstacles(rollout):
     for name in scene.clutter:
         near = np.linalg.norm(log.pose("bell")[meeting, :2] - scene.bodies[name].pose[:2], axis=1).min()
         assert near > 0.8 * (reach + scene.bodies[name].instance.shape().footprint_radius())
+
+
+def test_an_attempt_whose_arm_hides_the_target_is_refused_where_that_is_asked(rollout):
+    scene, log = rollout.scene, rollout.replay.log
+    require_view(rollout, Setup())
+    hidden, at = log.poses.copy(), log.pose(scene.task.target)[:, :3]
+    before = at + 0.15 * (scene.embodiment.head_camera[:3] - at)
+    for link in scene.embodiment.arms["left"].links:
+        middle_of_link = np.mean([mesh.vertices.mean(0) for mesh, _ in link.visual], axis=0) if link.visual else np.zeros(3)
+        hidden[:, log.bodies.index(f"left_{link.name}")] = [compose(pose(p), pose(-middle_of_link)) for p in before]
+    behind = replace(rollout, replay=replace(rollout.replay, log=replace(log, poses=hidden)))
+    with pytest.raises(Failure, match=r"view: occluded .in 100 % of the last 0\.5 s") as refused:
+        require_view(behind, Setup(cameras=(), size=(64, 48)))
+    assert refused.value.steps == rollout.steps and refused.value.log is not None
+    # a link that is in the way after the meeting, or long before it, is none
+    met = log.time_of("meeting")
+    for others in (log.times > met, log.times < met - 0.5):
+        some = np.where(others[:, None, None], hidden, log.poses)
+        require_view(replace(rollout, replay=replace(rollout.replay, log=replace(log, poses=some))), Setup())
 
 
 def test_an_episode_leaves_clutter_alone(rollout):

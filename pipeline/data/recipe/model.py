@@ -92,6 +92,9 @@ class Recipe(Setup):
     perturb: Perturbation | None = None
     """What happens to the robot between the policy's turn and the expert's: nothing, a pause of drawn length, or a push in a drawn
     direction. Needs `corrections`."""
+    view: Literal["any", "unoccluded"] = "any"
+    """`unoccluded` rejects attempts in which the head camera does not see the target well before the meeting: at least 25 % of its
+    silhouette in at least half of the frames of the last 0.5 s."""
     instructions: _Thousand = 100
     """Number of sentences for each of the splits seen and unseen."""
     keep_failures: Literal["all", "rendered", "none"] = "none"

@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, visible
-from pipeline.data.episode.file import open_episode
+from pipeline.data.episode.file import Episode, open_episode
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import motion_from_json
+from pipeline.motion.recorded.group import TRACKS
+from pipeline.motion.recorded.view import before_meeting
+
+STILL = 1e-3
+"""rad, or share of a gripper's opening; frames with smaller changes of the command count as still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +27,10 @@ class Seen:
 
     `motion` is the model of its target's motion, which begins at `start` (s), `path` (N,2) that motion in x and y (m) until the
     meeting, `speeds` (N,) its speed there (m/s); `low` and `high` (A,) bound its actions. `target_in_view` (T,) is true, by fixed
-    camera, in the frames whose image contains the origin of the target, occluded or not.
+    camera, in the frames whose image contains the origin of the target, occluded or not. `visible` (T,) is, by camera, the share of
+    the target's silhouette that is in the image and not occluded, `last_visible` that of the frames just before the meeting; both
+    are empty for episodes without tracks. `after_success` counts the frames after the success, `still` those over which no command
+    changes by more than STILL.
     """
 
     file: Path
@@ -41,6 +49,10 @@ class Seen:
     high: NDArray[np.float64]
     instructions: tuple[tuple[str, ...], tuple[str, ...]]
     target_in_view: dict[str, NDArray[np.bool_]]
+    visible: dict[str, NDArray[np.float32]]
+    last_visible: dict[str, NDArray[np.float32]]
+    after_success: int
+    still: int
 
     @property
     def level(self) -> tuple[str, int]:
@@ -61,6 +73,8 @@ def look(file: Path) -> Seen:
         infos = e.meta.drawing.cameras
         sizes = {name: (c.width, c.height) for name, c in infos.items()}
     motion = motion_from_json(episode.motion)
+    visible_shares = _visible(episode)
+    success = episode.log.time_of("success")
     times = np.linspace(-motion.lead, motion.duration, 30)
     action = episode.log.action
     return Seen(
@@ -83,8 +97,20 @@ def look(file: Path) -> Seen:
             for name, c in infos.items()
             if c.link is None
         },
+        visible=visible_shares,
+        last_visible={camera: before_meeting(episode.log, shares) for camera, shares in visible_shares.items()},
+        after_success=0 if success is None else int((episode.log.times > success + 1e-6).sum()),
+        still=int((np.abs(np.diff(action[:-1], axis=0)).max(-1, initial=0.0) < STILL).sum()),
         instructions=(tuple(episode.instructions["seen"]), tuple(episode.instructions["unseen"])),
     )
+
+
+def _visible(episode: Episode) -> dict[str, NDArray[np.float32]]:
+    """Shares (T,) of the target's silhouette that are seen, by camera; tracks list the objects in the order of `meta`."""
+    objects = [name for name in episode.meta.objects if name not in episode.meta.clutter]
+    column = objects.index(episode.meta.target)
+    stored = {camera: episode.interception.get(f"{TRACKS}{camera}/visible") for camera in episode.cameras}
+    return {camera: shares[:, column] for camera, shares in stored.items() if shares is not None}
 
 
 def by_cell(seen: Sequence[Seen]) -> dict[Cell, list[Seen]]:

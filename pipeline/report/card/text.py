@@ -17,7 +17,9 @@ from pipeline.data.splits import split_of
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar.levels import mean_speed
 from pipeline.report.card.croissant import FILE, croissant
+from pipeline.report.card.frames import idle, visibility
 from pipeline.report.card.loading import loading
+from pipeline.report.card.markdown import bullets, table
 from pipeline.report.card.plots import plots
 from pipeline.report.card.survey import Seen, by_cell, look
 from pipeline.report.card.words import citation, is_failures, kind_of, limits, title, uses
@@ -50,10 +52,13 @@ def describe(
         sections = {
             "": _opening(seen, summary),
             "Intended use": _use(seen, summary),
-            "What is in it": (_reasons(seen) if is_failures(summary) else "") + _cells(dataset, seen) + _speeds(seen),
+            "What is in it": (_reasons(seen) if is_failures(summary) else "") + _cells(dataset, seen) + _speeds(seen) + idle(seen),
             "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", "", *films]),
             "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
-            "Cameras and joints": _cameras(seen, summary) + _out_of_view(seen, summary) + _joints(seen),
+            "Cameras and joints": _cameras(seen, summary)
+            + visibility(seen, _camera_names(seen, summary))
+            + _out_of_view(seen, summary)
+            + _joints(seen),
             "How to load it": _loading(folder, summary),
             "Splits": _splits(seen),
             "How it was made": _describe_origin(dataset, summary),
@@ -75,17 +80,6 @@ def spread(items: Sequence[Path], count: int) -> list[Path]:
     if len(items) <= count:
         return list(items)
     return [items[round(i)] for i in np.linspace(0, len(items) - 1, count)]
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n\n"
-
-
-def bullets(lines: Iterable[str]) -> str:
-    """A Markdown list."""
-    return "".join(f"- {line}\n" for line in lines)
 
 
 def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:

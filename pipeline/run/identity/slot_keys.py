@@ -47,6 +47,8 @@ class RecipeKeys:
         parts = code.cell_code(root, cell.task, cell.embodiment, randomized, self._recipe.motion)
         own = digest([slot.physical.path, cell.alpha])
         acting = {"policy": code.evaluation_code(root)} if self._recipe.corrections else {}
+        if self._recipe.view == "unoccluded":  # what bodies look like decides which attempts are accepted
+            acting["view"] = digest([code.drawing_code(root), parts.looks])
         files = self._objects(cell.task, randomized)
         looks = digest([parts.looks, files["looks"]]) if files else parts.looks
         placed = {"files": files["physics"]} if files else {}

@@ -22,6 +22,7 @@ from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
 from pipeline.run.slot.running import send_slot
 from pipeline.run.slot.worker_log import worker_log
 from pipeline.stages.attempt import Perform, Phases, attempt
+from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 
 RENEWAL = -1
@@ -129,6 +130,8 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
         yield number
         try:
             rollout = attempt(spec, recipe, phases, perform)
+            if recipe.view == "unoccluded":
+                require_view(rollout, recipe)
         except Failure as failure:
             row |= {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "sim_steps": failure.steps}
             row |= {"detail": failure.detail, "conditions": list(failure.conditions)}

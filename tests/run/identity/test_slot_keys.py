@@ -261,6 +261,7 @@ PHYSICS_KEYS = {
     "layout": "original",
     "paired": ("levels",),
     "clutter": (3, 10),
+    "view": "unoccluded",
 }
 IMAGE_KEYS = {
     "render": "raster-fast",
