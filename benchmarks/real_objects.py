@@ -17,7 +17,8 @@ from benchmarks.hardware import hardware
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
-from pipeline.intake.objects.add import Options, add_object
+from pipeline.intake.objects.add import add_objects
+from pipeline.intake.objects.draft import Options
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
 from pipeline.stages.attempt import Phases, attempt
@@ -84,7 +85,7 @@ def added(one: Real, files: Path, to: Path) -> float | None:
     """Seconds that adding an object takes; None where it is refused."""
     before = time.monotonic()
     try:
-        add_object(files / one.file, Options(one.name, one.family, to, up=one.up, scale=one.scale, within=files))
+        add_objects(files / one.file, Options(one.name, one.family, to, up=one.up, scale=one.scale, within=files))
     except DominoError as error:
         print(f"    {one.name}: {error}", flush=True)
         return None

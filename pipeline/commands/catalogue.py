@@ -181,11 +181,11 @@ def objects_add(
 ) -> None:
     """Make an object of a mesh: its collision pieces, how it stands, grasps for two fingers and the frames of its family."""
     from pipeline.intake.catalogue.object_check import check_object
-    from pipeline.intake.objects.add import Options, add_object, describe
-    from pipeline.intake.objects.robotwin import add_robotwin, is_robotwin
+    from pipeline.intake.objects.add import add_objects, describe
+    from pipeline.intake.objects.draft import Options
 
     options = Options(name, family, to, mass, density, up, scale, tuple(split_list(words) or ()), licence, within)
-    added = add_robotwin(source, options) if is_robotwin(source) else [add_object(source, options)]
+    added = add_objects(source, options)
     print("\n".join(line for one in added for line in describe(one)))
     names = [one.directory.name for one in added]
     failed = [(each, found) for each in names for found in check_object(each) if not found.ok]

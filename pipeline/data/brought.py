@@ -1,6 +1,7 @@
 """Images and light that a user brings for the room: found, hashed and read. A recipe names them by path and content."""
 
 import hashlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.data.errors import DominoError
+from pipeline.data.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
 
 KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
@@ -23,6 +25,8 @@ Textures = dict[str, tuple[tuple[NDArray[np.uint8], float], ...]]
 """Textures (512,512,4) and the metres each covers, by kind, in the order of their names."""
 
 MOST_BYTES, MOST_FILES = 2**26, 1000
+LIMITS = Limits(memory=1 << 30)
+"""An image of 256 million pixels has 768 MB."""
 
 
 class BroughtError(DominoError, ValueError):
@@ -40,15 +44,33 @@ class Brought(BaseModel):
 
 
 def bring_textures(text: str) -> Brought:
-    """The textures below a directory. Raises BroughtError for one that is missing, empty or has a damaged image."""
+    """The textures below a directory, read in a child process with limits.
+
+    Raises DominoError for one that is missing, empty or has a damaged image.
+    """
     root = Path(text).absolute()
-    return Brought(path=str(root), content=_read_textures(root)[0], licence=_licence(root))
+    return Brought(path=str(root), content=_limited(_textures_hash, root), licence=_licence(root))
 
 
 def bring_light(text: str) -> Brought:
-    """The light in a file. Raises BroughtError for one that is missing or damaged."""
+    """The light in a file, read as textures are. Raises DominoError for one that is missing or damaged."""
     path = Path(text).absolute()
-    return Brought(path=str(path), content=_read_light(path)[0], licence=_licence(path.parent))
+    return Brought(path=str(path), content=_limited(_light_hash, path), licence=_licence(path.parent))
+
+
+def _limited(read: Callable[[Path], str], path: Path) -> str:
+    try:
+        return run_limited(str(path), read, path, limits=LIMITS)
+    except DominoError as error:
+        raise BroughtError(str(error)) from error
+
+
+def _textures_hash(root: Path) -> str:
+    return _read_textures(root)[0]
+
+
+def _light_hash(path: Path) -> str:
+    return _read_light(path)[0]
 
 
 def textures_of(brought: Brought) -> Textures:
@@ -91,7 +113,7 @@ def _read_textures(root: Path) -> tuple[str, Textures]:
         for path in paths:
             data = _bytes(path)
             total.update(f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n".encode(errors="surrogateescape"))
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+            image = _decode(path, data, cv2.IMREAD_COLOR)
             if image is None:
                 raise BroughtError(f"{path}: is no image that can be read: replace or remove it")
             rgba = cv2.cvtColor(cv2.resize(image, (TEXELS, TEXELS), interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2RGBA)
@@ -119,7 +141,7 @@ def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
     if path.suffix.lower() != ".hdr":
         raise BroughtError(f"{path}: is no .hdr file (Radiance, equirectangular): convert it")
     data = _bytes(path)
-    radiance = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    radiance = _decode(path, data, cv2.IMREAD_UNCHANGED)
     floats = radiance is not None and radiance.dtype == np.float32 and radiance.ndim == 3
     if radiance is None or not floats or not np.isfinite(radiance).all() or radiance.max() <= 0:
         raise BroughtError(f"{path}: holds no light that can be read: replace it")
@@ -127,6 +149,13 @@ def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
     if width != 2 * height:
         raise BroughtError(f"{path}: is {width}x{height}, but an equirectangular image is twice as wide as high")
     return hashlib.sha256(data).hexdigest(), np.asarray(radiance[..., ::-1], np.float32)
+
+
+def _decode(path: Path, data: bytes, how: int) -> NDArray | None:
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), how) if data else None
+    except cv2.error as error:
+        raise BroughtError(f"{path}: unpacks to more than there is memory for: make it smaller") from error
 
 
 def _bytes(path: Path) -> bytes:

@@ -7,7 +7,7 @@ import numpy as np
 import sapien
 
 from pipeline.data.findings import Finding, catch_errors
-from pipeline.intake.objects.add import TRIANGLES as OF_A_FILE
+from pipeline.intake.objects.draft import TRIANGLES as OF_A_FILE
 from pipeline.intake.objects.solid import inside
 from pipeline.intake.objects.standing import first_of
 from pipeline.poses import Pose, pose, quat_rotate

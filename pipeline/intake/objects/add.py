@@ -1,53 +1,23 @@
-"""`domino-data objects add`: a mesh file becomes an object's directory."""
+"""`domino-data objects add`: a mesh file, or a directory of RoboTwin-OD, becomes directories of objects."""
 
-import json
 import sys
-import tomllib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.data.atomic import write_atomic
+from pipeline.data.limited import run_limited
 from pipeline.data.names import is_name
-from pipeline.intake.objects.holding import WIDEST, two_finger_grasps
-from pipeline.intake.objects.solid import bounds, solid_of
-from pipeline.intake.objects.standing import frames_like, kinds_like, kinds_of, stand_up
-from pipeline.plugins import directories
-from pipeline.world.glb import write_glb
-from pipeline.world.meshes.drawn import drawn, welded
-from pipeline.world.meshes.part import Part
-from pipeline.world.meshes.reader import read_mesh
+from pipeline.intake.objects.draft import Draft, Options, draft_of, write_object
+from pipeline.intake.objects.holding import WIDEST
+from pipeline.intake.objects.robotwin import drafts_of_directory, is_robotwin
+from pipeline.intake.objects.solid import bounds
+from pipeline.intake.objects.standing import kinds_of
+from pipeline.plugins import directories, load_plugins
 from pipeline.world.objects import from_files
-from pipeline.world.objects.contract import FAMILIES, Grasp
-from pipeline.world.objects.from_files import ObjectError, ObjectToml, add_directory, directory_of, piece
-from pipeline.world.shapes import Collider, Parts
-
-DENSITY = 400.0  # kg/m3: a box of cereal, a mug, a toy
-SMALLEST, LARGEST = 0.008, 1.0  # m, the longest edge of an object
-TRIANGLES, FEWEST = 2000, 20  # of an object at most, and of one of its parts at least
-KEPT_DIGITS = 5
-
-
-@dataclass(frozen=True)
-class Options:
-    """The options of `objects add`. Mass in kg, density in kg/m3, scale in metres per unit of the file.
-
-    Textures may lie below `within`, by default the directory of the mesh.
-    """
-
-    name: str
-    family: str
-    to: Path
-    mass: float | None = None
-    density: float | None = None
-    up: str | None = None
-    scale: float = 1.0
-    words: tuple[str, ...] = ()
-    licence: str = "unknown"
-    within: Path | None = None
+from pipeline.world.objects.contract import FAMILIES
+from pipeline.world.objects.from_files import ObjectError, add_directory, directory_of
 
 
 class Added(NamedTuple):
@@ -57,39 +27,54 @@ class Added(NamedTuple):
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Draft:
-    """An object before it is written: settings, what is drawn, what is solid, and lines on what was guessed or left out."""
+def add_objects(source: Path, options: Options) -> list[Added]:
+    """Write the directories of the objects of a mesh file or of a directory of RoboTwin-OD, and enter them.
 
-    settings: ObjectToml
-    looks: Parts
-    solid: tuple[Collider, ...]
-    notes: tuple[str, ...]
-
-
-def add_object(file: Path, options: Options) -> Added:
-    """Write the directory of an object from a mesh file, and enter the object.
-
-    Raises ObjectError and MeshError, one line; nothing is written then.
+    The files are read in a child process with limits. Raises DominoError, one line; nothing is written then.
     """
-    directory = options.to / "objects" / options.name
-    check_names(options, directory)
-    if file.is_dir():
-        raise ObjectError(f"{file}: is a directory; name the mesh file in it")
-    draft = draft_of(file, options)
-    write_object(draft, directory)
-    add_directory(directory.resolve())
-    return Added(directory, draft.notes)
+    check_names(options)
+    if not source.is_dir():
+        check_free([options.name], options.to)
+    drafts = run_limited(str(source), _draft_with_plugins, source, options)
+    return enter_objects(drafts, options.to)
 
 
-def check_names(options: Options, directory: Path) -> None:
-    """Raise ObjectError for a name that is taken or is none, and for a family that does not exist."""
+def enter_objects(drafts: Mapping[str, Draft], to: Path) -> list[Added]:
+    """Write drafts of objects by their names, and enter them. Raises ObjectError, before the first, for a name that is taken."""
+    check_free(drafts, to)
+    for name, draft in drafts.items():
+        write_object(draft, to / "objects" / name)
+        add_directory((to / "objects" / name).resolve())
+    return [Added(to / "objects" / name, draft.notes) for name, draft in drafts.items()]
+
+
+def _draft_with_plugins(source: Path, options: Options) -> dict[str, Draft]:
+    load_plugins()  # the family may be one of theirs
+    return draft_all(source, options)
+
+
+def draft_all(source: Path, options: Options) -> dict[str, Draft]:
+    """The objects of a mesh file or of a directory of RoboTwin-OD, by their names. Raises ObjectError and MeshError."""
+    if is_robotwin(source):
+        return drafts_of_directory(source, options)
+    if source.is_dir():
+        raise ObjectError(f"{source}: is a directory; name the mesh file in it")
+    return {options.name: draft_of(source, options)}
+
+
+def check_free(names: Iterable[str], to: Path) -> None:
+    """Raise ObjectError for a name that is taken."""
+    for name in names:
+        if (place := to / "objects" / name / from_files.TOML).exists():
+            raise ObjectError(f"{place.parent}: exists; remove it first, or choose another --name")
+        if name in FAMILIES:
+            raise ObjectError(f"--name {name}: an object or family of this name exists; choose another")
+
+
+def check_names(options: Options) -> None:
+    """Raise ObjectError for a name that is none, and for a family that does not exist or is kept elsewhere."""
     if not is_name(options.name) or options.name != options.name.lower():
         raise ObjectError(f"--name {options.name!r}: is no name of an object; use lower case and underscores")
-    if (directory / from_files.TOML).exists():
-        raise ObjectError(f"{directory}: exists; remove it first, or choose another --name")
-    if options.name in FAMILIES:
-        raise ObjectError(f"--name {options.name}: an object or family of this name exists; choose another")
     if options.family not in FAMILIES or directory_of(FAMILIES[options.family]) is not None:
         ours = ", ".join(name for name, family in FAMILIES.items() if directory_of(family) is None)
         raise ObjectError(f"--family {options.family}: no such family; choose from {ours}")
@@ -101,95 +86,6 @@ def home_of(family: str) -> Path | None:
     """The directory of plugins whose module defines a family; None for one of an installed package."""
     file = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).resolve()
     return next((directory for directory in directories() if directory in file.parents), None)
-
-
-def draft_of(file: Path, options: Options) -> Draft:
-    """The object of a mesh file. Raises ObjectError and MeshError."""
-    mesh = read_mesh(file, options.within)
-    scaled = np.diag([options.scale] * 3 + [1.0])
-    parts = [part.moved(scaled) for part in mesh.parts]
-    check_size(file, parts)
-    pieces = solid_of(*welded(parts), str(file))
-    upright = stand_up(pieces, options.family, options.up, mesh.up, str(file))
-    solid = moved(pieces, upright)
-    grasps = kinds_like(two_finger_grasps(solid), solid, options.family)
-    return Draft(settings_of(options, solid, grasps, file.name), looks_of(parts, upright), solid, mesh.notes)
-
-
-def looks_of(parts: Sequence[Part], upright: np.ndarray) -> Parts:
-    """What is drawn of parts that stand under a 4x4 matrix."""
-    return drawn([part.moved(upright) for part in parts], TRIANGLES, FEWEST)
-
-
-def check_size(file: Path, parts: Sequence[Part]) -> None:
-    """Raise ObjectError for an object that fits in no hand and on no table."""
-    points = np.concatenate([part.points for part in parts])
-    size = float(np.ptp(points, axis=0).max())
-    if not SMALLEST <= size <= LARGEST:
-        near = 10.0 ** np.round(np.log10(0.12 / max(size, 1e-12)))
-        raise ObjectError(f"{file}: is {size:.3g} m long; objects are {SMALLEST:g} to {LARGEST:g} m: try --scale {near:g}")
-
-
-def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...]:
-    """Convex pieces under a 4x4 matrix."""
-    return tuple(piece(np.round(np.asarray(one.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3], 6)) for one in pieces)
-
-
-def settings_of(options: Options, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str) -> ObjectToml:
-    """The content of `object.toml`. Raises ObjectError for a mass that is none."""
-    volume = sum(one.volume() for one in solid)
-    mass = options.mass if options.mass is not None else (options.density or DENSITY) * volume
-    words = options.words or (options.name.replace("_", " "),)
-    if not 0.001 <= mass <= 50:
-        raise ObjectError(f"--mass {mass:.3g}: objects weigh 0.001 to 50 kg; give --mass or --density, or mind --scale")
-    return ObjectToml.model_validate(
-        {
-            "family": options.family,
-            "source": source,
-            "licence": options.licence,
-            "mass": round(mass, 4),
-            "friction": from_files.FRICTION,
-            "words": {"noun": words[0], "seen": words[:-1] or words, "unseen": words[-1:]},
-            "frames": {name: row(at) for name, at in frames_like(solid, options.family).items()},
-            "grasps": [(g.kind, round(g.width, KEPT_DIGITS), row(g.pose)) for g in grasps],
-        }
-    )
-
-
-def row(at: np.ndarray) -> list[float]:
-    """A pose as it is written: its place to 0.01 mm, its quaternion of length 1."""
-    return [*np.round(at[:3] + 0.0, KEPT_DIGITS).tolist(), *np.round(at[3:] + 0.0, 9).tolist()]
-
-
-def write_object(draft: Draft, directory: Path) -> None:
-    """Write the directory; `object.toml`, which makes it an object, comes last."""
-    lines = []
-    for number, one in enumerate(draft.solid):
-        lines += [f"o piece_{number}", *("v {:.6f} {:.6f} {:.6f}".format(*corner) for corner in np.asarray(one.vertices))]
-    write_atomic(directory / from_files.LOOKS, write_glb(draft.looks))
-    write_atomic(directory / from_files.SOLID, ("\n".join(lines) + "\n").encode())
-    write_atomic(directory / from_files.TOML, toml_of(draft.settings).encode())
-
-
-def toml_of(settings: ObjectToml) -> str:
-    """The text of `object.toml`."""
-    words = settings.words
-    text = [
-        *(f"{key} = {json.dumps(getattr(settings, key), ensure_ascii=False)}" for key in ("family", "source", "licence")),
-        f"mass = {settings.mass:g}  # kg",
-        f"friction = {settings.friction:g}",
-        "grasps = [  # kind, width (m), tcp in the object's frame: x y z qw qx qy qz",
-        *(f"  {json.dumps([kind, width, list(at)])}," for kind, width, at in settings.grasps),
-        "]",
-        "",
-        "[words]",
-        *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in words.model_dump(mode="json").items()),
-        "",
-        "[frames]  # x y z qw qx qy qz, z is the outward normal",
-        *(f"{name} = {json.dumps(list(at))}" for name, at in settings.frames.items()),
-    ]
-    tomllib.loads(joined := "\n".join(text) + "\n")
-    return joined
 
 
 def describe(added: Added) -> Iterator[str]:

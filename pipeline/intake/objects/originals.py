@@ -7,7 +7,7 @@ objects from files, with a key `task.family` where a task of the original has in
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +16,10 @@ from tqdm import tqdm
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import digest, file_hash
+from pipeline.data.limited import LimitError, Limits, run_limited
 from pipeline.data.recipe.model import RecipeError
 from pipeline.data.store.user_cache import user_cache
-from pipeline.intake.objects.add import Options, write_object
+from pipeline.intake.objects.draft import Options, write_object
 from pipeline.intake.objects.robotwin import VERSION, Instance, described_in, draft_of_instance, instances
 from pipeline.intake.objects.standing import first_of
 from pipeline.plugins import use_plugins
@@ -27,6 +28,7 @@ from pipeline.world.objects.from_files import TOML, ObjectError, add_all
 
 SCHEME = "robotwin:"
 REFUSED = "refused.txt"
+BATCH, SECONDS = 12, 120  # objects that are made in one child process, and seconds of processor time for each
 NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a hand"
 
 
@@ -96,15 +98,20 @@ def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
         raise RecipeError(f"assets: {root} holds no object for these tasks; name the directory assets/objects of RoboTwin")
     objects, places = dict[str, list[str]](), dict[str, Path]()
     ungraspable, unreadable = dict[str, str](), dict[str, str]()
-    for each in tqdm(wanted, desc="objects of RoboTwin-OD", disable=None, leave=False):
-        place = _make_object(each, cache / "items")
+    made = {each.name: _place_of(each, cache / "items") for each in wanted}
+    missing = [(each, made[each.name]) for each in wanted if not _is_made(made[each.name])]
+    unmade = dict[str, str]()
+    for k in tqdm(range(0, len(missing), BATCH), desc="objects of RoboTwin-OD", disable=None, leave=False):
+        unmade |= _make(missing[k : k + BATCH])
+    for each in wanted:
+        place = made[each.name]
         if (place / TOML).is_file():
             objects.setdefault(each.key, []).append(each.name)
             places[each.name] = place
-        else:
-            why = (place / REFUSED).read_text()
-            refused = ungraspable if why == NO_GRASP else unreadable
-            refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
+            continue
+        why = unmade.get(each.name) or (place / REFUSED).read_text()
+        refused = ungraspable if why == NO_GRASP else unreadable
+        refused[each.name] = f"{each.model.directory} {each.files.number or 0}: {why}"
     plugins = cache / "sets" / digest([[name, str(place)] for name, place in sorted(places.items())])
     (plugins / "objects").mkdir(parents=True, exist_ok=True)
     for name, place in places.items():
@@ -138,23 +145,42 @@ def _instances(root: Path, key: str) -> Iterator[_Wanted]:
             yield _Wanted(key, key.rpartition(".")[2], model, each)
 
 
-def _make_object(wanted: _Wanted, cache: Path) -> Path:
-    """The directory of an instance as an object, or one that states why it is none."""
+def _place_of(wanted: _Wanted, cache: Path) -> Path:
+    """The directory of an instance as an object, by the content of its files."""
     files, words = wanted.files, described_in(wanted.files)
     read = [files.visual, files.solid, files.data, *([words] if words else [])]
-    place = cache / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]]) / wanted.name
-    if (place / TOML).is_file() or (place / REFUSED).is_file():
-        return place
-    options = Options(wanted.name, wanted.family, place.parent)
+    return cache / digest([VERSION, wanted.family, wanted.model.scale, [file_hash(path) for path in read]]) / wanted.name
+
+
+def _is_made(place: Path) -> bool:
+    return (place / TOML).is_file() or (place / REFUSED).is_file()
+
+
+def _make(batch: Sequence[tuple[_Wanted, Path]]) -> dict[str, str]:
+    """Make objects in a child process with limits; the line of each that takes too much, of which nothing is kept."""
+    limits = Limits(processor=SECONDS * len(batch), wall=3.0 * SECONDS * len(batch))
     try:
-        draft = draft_of_instance(files, options, wanted.model.scale)
-        if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
-            raise ObjectError(NO_GRASP)
-    except (ObjectError, MeshError) as error:
-        write_atomic(place / REFUSED, str(error).encode())
-    else:
-        write_object(draft, place)
-    return place
+        run_limited(str(batch[0][0].files.visual), _make_here, batch, limits=limits)
+    except LimitError as error:
+        if len(batch) == 1:
+            return {batch[0][0].name: str(error)}
+        return _make(batch[: len(batch) // 2]) | _make(batch[len(batch) // 2 :])
+    return {}
+
+
+def _make_here(batch: Sequence[tuple[_Wanted, Path]]) -> None:
+    """Write each object, or why it is none."""
+    for wanted, place in batch:
+        if _is_made(place):
+            continue
+        try:
+            draft = draft_of_instance(wanted.files, Options(wanted.name, wanted.family, place.parent), wanted.model.scale)
+            if wanted.model.held and first_of(wanted.family).frames().grasps and not draft.settings.grasps:
+                raise ObjectError(NO_GRASP)
+        except (ObjectError, MeshError) as error:
+            write_atomic(place / REFUSED, str(error).encode())
+        else:
+            write_object(draft, place)
 
 
 def _link(link: Path, place: Path) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pipeline.data.parsing import ParseError, read_json
-from pipeline.intake.objects.add import Added, Draft, Options, check_names, check_size, looks_of, moved, settings_of, write_object
+from pipeline.intake.objects.draft import Draft, Options, check_size, looks_of, moved, settings_of
 from pipeline.intake.objects.holding import pinch_at, two_finger_grasps
 from pipeline.intake.objects.solid import solid_of
 from pipeline.intake.objects.standing import first_of, kinds_like, stand_up
@@ -24,7 +24,7 @@ from pipeline.poses import Pose, from_matrix, quat_rotate
 from pipeline.world.meshes.drawn import welded
 from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.objects.contract import Grasp
-from pipeline.world.objects.from_files import ObjectError, Phrases, add_directory
+from pipeline.world.objects.from_files import ObjectError, Phrases
 from pipeline.world.shapes import Collider
 
 VERSION = 2  # raise it when the same files give other objects: those in the user's cache are made again then
@@ -61,24 +61,13 @@ def is_robotwin(directory: Path) -> bool:
     return directory.is_dir() and any(directory.glob("model_data*.json"))
 
 
-def add_robotwin(directory: Path, options: Options) -> list[Added]:
-    """Write an object for every instance, NAME or NAME_0, NAME_1 ...
-
-    Raises ObjectError and MeshError, one line; nothing is written then.
-    """
+def drafts_of_directory(directory: Path, options: Options) -> dict[str, Draft]:
+    """An object for every instance, called NAME, or NAME_0, NAME_1 ... Raises ObjectError and MeshError."""
     found = sorted(instances(directory), key=lambda each: int(each.number or 0))
     if not found:
         raise ObjectError(f"{directory}: has model_data but no base.glb beside it; RoboTwin's articulated objects are not read")
-    drafts = []
-    for each in found:
-        own = replace(options, name=options.name if len(found) == 1 else f"{options.name}_{each.number or 0}")
-        place = own.to / "objects" / own.name
-        check_names(own, place)
-        drafts.append((draft_of_instance(each, own), place))
-    for draft, place in drafts:
-        write_object(draft, place)
-        add_directory(place.resolve())
-    return [Added(place, draft.notes) for draft, place in drafts]
+    names = [options.name if len(found) == 1 else f"{options.name}_{each.number or 0}" for each in found]
+    return {name: draft_of_instance(each, replace(options, name=name)) for name, each in zip(names, found, strict=True)}
 
 
 def instances(directory: Path) -> Iterator[Instance]:

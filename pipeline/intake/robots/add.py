@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pipeline.data.limited import run_limited
 from pipeline.data.names import NONE, is_name
 from pipeline.data.parsing import ParseError, read_yaml
 from pipeline.intake.robots.anatomy import Anatomy, Hints, anatomy, cloud
@@ -91,15 +92,27 @@ class Added(NamedTuple):
 def add_robot(source: Path, options: Options) -> Added:
     """Write the directory of a robot from a URDF or MJCF, a directory with a URDF, or an embodiment directory of RoboTwin.
 
-    Raises RobotError and UrdfError, one line each; nothing is written then.
+    The files are read in a child process with limits. Raises DominoError, one line; nothing is written then.
     """
-    name, directory = options.name, options.to / "robots" / options.name
+    directory = options.to / "robots" / options.name
+    check_name(options.name, directory)
+    draft = run_limited(str(source), draft_robot, source, options)
+    write_robot(draft, directory)
+    return Added(directory, draft.notes)
+
+
+def check_name(name: str, directory: Path) -> None:
+    """Raise RobotError for a name that no robot can have, or that is taken."""
     if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
         raise RobotError(f"--name {name!r}: is no name of a robot; use lower case and hyphens")
     if name in MODELS or name in ALIASES:
         raise RobotError(f"--name {name}: a robot of this name exists; choose another")
     if (directory / TOML).exists():
         raise RobotError(f"{directory}: exists; remove it first, or choose another --name")
+
+
+def draft_robot(source: Path, options: Options) -> Draft:
+    """The robot of a file or directory, before it is written. Raises RobotError and UrdfError."""
     for given in (source, options.gripper or source):
         if not given.exists():
             raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
@@ -112,10 +125,7 @@ def add_robot(source: Path, options: Options) -> Added:
         robot = read(urdf or source, root)
         if options.gripper is not None:
             robot = mount(robot, read(options.gripper), options.flange)
-        notes: list[str] = []
-        draft = draft_of(robot, anatomy(robot, hints), options, notes)
-    write_robot(draft, directory)
-    return Added(directory, tuple(dict.fromkeys(notes)))
+        return draft_of(robot, anatomy(robot, hints), options)
 
 
 def _read(source: Path, root: Path | None = None, *, packages: Mapping[str, Path], scratch: Path) -> UrdfRobot:
@@ -137,12 +147,9 @@ def _find_urdf(given: Path) -> Path:
     return found[0]
 
 
-def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options, notes: list[str]) -> Draft:
-    """The arm of a URDF as it is written; `notes` gets what was guessed.
-
-    Raises UrdfError where it finds no place or no rest configuration for the arm.
-    """
-    pieces = Pieces()
+def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options) -> Draft:
+    """The arm of a URDF as it is written. Raises UrdfError where it finds no place or no rest configuration for it."""
+    pieces, notes = Pieces(), list[str]()
     links = tuple(_link(robot, name, pieces, notes) for name in parts.links)
     driven = {*parts.arm_joints, *parts.jaws}
     joints = tuple(
@@ -189,6 +196,7 @@ def draft_of(robot: UrdfRobot, parts: Anatomy, options: Options, notes: list[str
         _foot(robot, parts.links[0]),
         options.licence,
         robot.path.name,
+        tuple(dict.fromkeys(notes)),
     )
 
 

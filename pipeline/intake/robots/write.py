@@ -21,7 +21,7 @@ from pipeline.world.robots.directory import TOML, URDF
 class Draft:
     """An arm, two of it as a robot, and what its directory says besides: tool frame, foot (m), licence, source.
 
-    `tcp` holds position, approach and opening direction in the hand's frame.
+    `notes` has a line for what was guessed or left out. `tcp` holds position, approach and opening direction in the hand's frame.
     """
 
     arm: Arm
@@ -30,6 +30,7 @@ class Draft:
     foot: float
     licence: str
     source: str
+    notes: tuple[str, ...] = ()
 
 
 def write_robot(draft: Draft, directory: Path) -> None:

@@ -10,9 +10,9 @@ import trimesh
 
 from pipeline.data.errors import DominoError
 from pipeline.intake.catalogue.object_check import check_object, free_before
-from pipeline.intake.objects.add import add_object, describe, draft_of
+from pipeline.intake.objects.add import describe, draft_all, enter_objects
+from pipeline.intake.objects.draft import draft_of
 from pipeline.intake.objects.holding import two_finger_grasps
-from pipeline.intake.objects.robotwin import add_robotwin, is_robotwin
 from pipeline.intake.objects.standing import first_of
 from pipeline.plugins import load_plugins
 from pipeline.poses import quat_rotate
@@ -20,11 +20,12 @@ from pipeline.world.glb import read_glb, write_glb
 from pipeline.world.meshes.reader import read_mesh
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.objects.from_files import ObjectError, add_all, piece
+from tests.intake.objects.conftest import add_here
 from tests.intake.objects.meshes import box_file, gltf, robotwin_directory, textured_box, textured_obj
 
 
 def test_a_box_stands_on_its_base_weighs_what_it_should_and_is_held_across(tmp_path, options):
-    added = add_object(box_file(tmp_path / "box.obj"), replace(options, density=1000.0, up="z"))
+    added = add_here(box_file(tmp_path / "box.obj"), replace(options, density=1000.0, up="z"))
     one = FAMILIES["thing"].draw(np.random.default_rng())
     lower, upper = one.shape().aabb()
     assert lower[2] == pytest.approx(0, abs=1e-6) and upper[2] == pytest.approx(0.09, abs=1e-5)
@@ -47,8 +48,8 @@ def test_a_box_stands_on_its_base_weighs_what_it_should_and_is_held_across(tmp_p
 def test_the_same_mesh_gives_the_same_bytes_and_a_directory_is_read_again(tmp_path, options):
     file = box_file(tmp_path / "box.stl")
     options = replace(options, words=("thing",))
-    first = add_object(file, options).directory
-    second = add_object(file, replace(options, name="twin")).directory
+    first = add_here(file, options).directory
+    second = add_here(file, replace(options, name="twin")).directory
     for path in first.iterdir():
         assert path.read_bytes() == (second / path.name).read_bytes()
     FAMILIES.remove("thing")
@@ -80,8 +81,7 @@ def test_a_texture_is_kept_and_comes_back_from_the_glb(tmp_path, options):
 
 def test_a_directory_of_robotwin_gives_an_object_for_every_instance(tmp_path, options):
     directory = robotwin_directory(tmp_path / "039_box")
-    assert is_robotwin(directory)
-    made = add_robotwin(directory, options)
+    made = enter_objects(draft_all(directory, options), options.to)
     assert [one.directory.name for one in made] == ["thing_0", "thing_1"]
     frames = FAMILIES["thing_1"].draw(np.random.default_rng()).frames()
     [grasp] = frames.grasps
@@ -90,11 +90,11 @@ def test_a_directory_of_robotwin_gives_an_object_for_every_instance(tmp_path, op
     assert frames["functional_0"][2] == pytest.approx(0.09, abs=1e-5)
     assert quat_rotate(frames["functional_0"][3:], [0.0, 0.0, 1.0])[2] == pytest.approx(1, abs=1e-5)
     with pytest.raises(ObjectError, match="exists"):
-        add_robotwin(directory, options)
+        enter_objects(draft_all(directory, options), options.to)
 
 
 def test_a_solid_box_is_no_mug(tmp_path, options):
-    add_object(box_file(tmp_path / "box.obj", (0.07, 0.06, 0.08)), replace(options, family="mug"))
+    add_here(box_file(tmp_path / "box.obj", (0.07, 0.06, 0.08)), replace(options, family="mug"))
     [found] = [found for found in check_object("thing") if found.name == "hollows"]
     assert not found.ok and "mm are free before its frame" in found.detail
     mug = first_of("mug")
@@ -114,8 +114,8 @@ def test_an_object_lives_in_the_directory_of_its_family(tmp_path, options, monke
     load_plugins()
     file, wanted = box_file(tmp_path / "box.obj", (0.07, 0.05, 0.03)), replace(options, family="sponge")
     with pytest.raises(ObjectError, match=f"is a family of {mine}; add the object there, with --to {mine}"):
-        add_object(file, wanted)
-    add_object(file, replace(wanted, to=mine))
+        add_here(file, wanted)
+    add_here(file, replace(wanted, to=mine))
     for name in ("thing", "sponge"):
         FAMILIES.remove(name)
     monkeypatch.delitem(sys.modules, "sponges")
@@ -145,7 +145,7 @@ def test_a_hostile_glb_is_refused_in_one_line(tmp_path, options, changes, said):
     (tmp_path / "secret.bin").write_bytes(bytes(36))
     (tmp_path / "in").mkdir()
     with pytest.raises(DominoError, match=said) as error:
-        add_object(gltf(tmp_path / "in" / "box.glb", **changes), options)
+        add_here(gltf(tmp_path / "in" / "box.glb", **changes), options)
     assert "\n" not in str(error.value) and not options.to.exists()
 
 
@@ -169,7 +169,7 @@ def test_other_bad_meshes_are_refused_in_one_line(tmp_path, options):
         ("good.obj", replace(options, name="mug"), "exists"),
     ):
         with pytest.raises(DominoError, match=said) as error:
-            add_object(tmp_path / name, given)
+            add_here(tmp_path / name, given)
         assert "\n" not in str(error.value) and not options.to.exists(), name
 
 

@@ -12,7 +12,7 @@ from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
-from pipeline.intake.objects.add import Options, add_object
+from pipeline.intake.objects.draft import Options
 from pipeline.run.build import provenance
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import resolve
@@ -21,6 +21,7 @@ from pipeline.tasks import TASKS, Draw
 from pipeline.tasks.contract import UndeclaredFamily
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import ObjectError, add_directory
+from tests.intake.objects.conftest import add_here
 from tests.intake.objects.meshes import box_file
 
 
@@ -29,7 +30,7 @@ def made(tmp_path_factory):
     """The directory of an object that stands for playing cards, made once."""
     root = tmp_path_factory.mktemp("made")
     options = Options("cards_0", "playing_cards", root, up="z", licence="Proprietary")
-    directory, _ = add_object(box_file(root / "box.obj", (0.06, 0.03, 0.08)), options)
+    directory, _ = add_here(box_file(root / "box.obj", (0.06, 0.03, 0.08)), options)
     FAMILIES.remove("cards_0")
     return directory
 
@@ -92,7 +93,7 @@ def test_a_recipe_with_wrong_objects_is_refused(cards, objects, said):
 
 
 def test_a_size_that_a_task_gives_is_no_object_s(options, tmp_path):
-    add_object(box_file(tmp_path / "flat.obj", (0.1, 0.1, 0.01)), replace(options, name="slab", family="pad"))
+    add_here(box_file(tmp_path / "flat.obj", (0.1, 0.1, 0.01)), replace(options, name="slab", family="pad"))
     rng = np.random.default_rng(0)
     with pytest.raises(UndeclaredFamily, match="given by the task"):
         list(TASKS["move_pillbottle_pad"].layout(Draw(rng, rng, Rules(objects=(("pad", ("slab",)),)))))

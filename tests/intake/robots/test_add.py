@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.intake.robots.add import Options, add_robot
+from pipeline.intake.robots.add import Options, add_robot, check_name
 from pipeline.intake.robots.anatomy import Hints, anatomy
 from pipeline.intake.robots.simplify import CORNERS
 from pipeline.planning.collision import CollisionWorld
@@ -111,7 +111,7 @@ def test_of_two_arms_in_a_file_the_one_that_is_named_is_taken(tmp_path):
 @pytest.mark.parametrize("name", ["piper", "ur5", "Mine", "my_arm", "../up", "none", ""])
 def test_a_name_that_no_robot_can_have_is_refused(tmp_path, name):
     with pytest.raises(RobotError, match="--name"):
-        add_robot(Tiny().write(tmp_path), Options(name, tmp_path))
+        check_name(name, tmp_path)
 
 
 def test_a_directory_that_exists_is_kept(tmp_path):
@@ -119,5 +119,5 @@ def test_a_directory_that_exists_is_kept(tmp_path):
     kept.parent.mkdir(parents=True)
     kept.write_text("mine")
     with pytest.raises(RobotError, match="exists; remove it first"):
-        add_robot(Tiny().write(tmp_path), Options("tiny", tmp_path))
+        check_name("tiny", kept.parent)
     assert kept.read_text() == "mine"

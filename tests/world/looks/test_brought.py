@@ -1,10 +1,22 @@
 """Textures and light that a user brings: found, refused, and turned into looks."""
 
+import os
+import zlib
+
 import cv2
 import numpy as np
 import pytest
 
-from pipeline.data.brought import BroughtError, _held_textures, bring_light, bring_textures, light_of, textures_of
+from pipeline.data.brought import (
+    BroughtError,
+    _held_textures,
+    _light_hash,
+    _textures_hash,
+    bring_light,
+    bring_textures,
+    light_of,
+    textures_of,
+)
 from pipeline.data.setup import RecipeError, Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.stages.drawing.render import images_of, visuals_of
@@ -77,16 +89,40 @@ def test_what_is_missing_or_damaged_is_named_in_one_line(tmp_path):
     cut.write_bytes(b"#?RADIANCE\n")
     cv2.imwrite(str(tmp_path / "square.hdr"), np.ones((8, 8, 3), np.float32))
     refused = {
-        "textures": {
-            "nowhere": "no directory of textures",
-            "empty": "no directory of textures",
-            "cut": "oak.png",
-            "odd": "0.01 to 100",
-        },
-        "environment": {"nowhere.hdr": "cannot be read", "cut.hdr": "no light", "square.hdr": "twice as wide", "sky.exr": ".hdr"},
+        "nowhere": "no directory of textures",
+        "empty": "no directory of textures",
+        "cut": "oak.png",
+        "odd": "0.01 to 100",
+        "nowhere.hdr": "cannot be read",
+        "cut.hdr": "no light",
+        "square.hdr": "twice as wide",
+        "sky.exr": ".hdr",
     }
-    for key, cases in refused.items():
-        for name, said in cases.items():
-            with pytest.raises(RecipeError, match=said) as error:
-                Setup.parse({key: str(tmp_path / name)})
-            assert "\n" not in str(error.value) and key in str(error.value)
+    for name, said in refused.items():
+        with pytest.raises(BroughtError, match=said) as error:
+            (_light_hash if "." in name else _textures_hash)(tmp_path / name)
+        assert "\n" not in str(error.value)
+
+
+def test_images_that_unpack_to_gigabytes_and_pipes_end_in_one_line(tmp_path):
+    (tmp_path / "table").mkdir()
+    (tmp_path / "table" / "bomb.png").write_bytes(png_of(20_000, zlib.compress(bytes(1 << 20))))
+    (tmp_path / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n" + bytes(1000))
+    for key, given in (("textures", tmp_path), ("environment", tmp_path / "sky.hdr")):
+        with pytest.raises(RecipeError, match=f"{key}.*make it smaller") as error:
+            Setup.parse({key: str(given)})
+        assert "\n" not in str(error.value)
+    (tmp_path / "table" / "bomb.png").unlink()
+    os.mkfifo(tmp_path / "table" / "pipe.png")
+    with pytest.raises(BroughtError, match="is no regular file"):
+        _textures_hash(tmp_path)
+
+
+def png_of(side: int, packed: bytes) -> bytes:
+    """A PNG of side x side RGB pixels whose rows are packed."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+
+    head = side.to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")

@@ -1,0 +1,112 @@
+"""Runs a function on files or code of others in a child process that may take so much memory and time, and no more.
+
+The child inherits what is installed, the environment and the directory, and none of this process's memory or output. What it
+prints is dropped.
+"""
+
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.data.errors import DominoError
+
+START = "import sys; sys.path[:] = {path!r}; from pipeline.data.limited import answer; answer({fd})"
+
+
+class LimitError(DominoError):
+    """Work on something of others that did not end within its limits, or that ended its process."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a child may take: bytes of memory beyond its imports, seconds of processor and wall time, bytes of a file."""
+
+    memory: int = 3 << 30
+    processor: int = 300
+    wall: float = 900.0
+    file: int = 1 << 30
+
+
+USUAL = Limits()
+
+
+def run_limited[T](what: str, function: Callable[..., T], *arguments: Any, limits: Limits = USUAL) -> T:
+    """The value of a function of a module, for picklable arguments, computed in a child process.
+
+    Raises DominoError with the line of one that the function raises, and LimitError, which begins with `what`, for any other end.
+    """
+    with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as found:
+        for part in (limits, (function, arguments)):
+            pickle.dump(part, given)
+        given.seek(0)
+        start = START.format(path=sys.path, fd=found.fileno())
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-c", start],
+            stdin=given,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=(found.fileno(),),
+            start_new_session=True,
+        )
+        try:
+            code = child.wait(limits.wall)
+        except subprocess.TimeoutExpired:
+            raise LimitError(f"{what}: takes longer than {limits.wall:g} s") from None
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.wait()
+        found.seek(0)
+        data = found.read()
+    if code != 0 or not data:
+        raise LimitError(f"{what}: {_cause(code, limits)}")
+    value, line, details = pickle.loads(data)
+    if line is None:
+        return value
+    if details is None:
+        raise DominoError(line)
+    raise LimitError(f"{what}: {line}") from RuntimeError(details)
+
+
+def _cause(code: int, limits: Limits) -> str:
+    if code == -signal.SIGXCPU:
+        return f"takes more than {limits.processor} s of processor time"
+    if code < 0:
+        return f"ended its process by {signal.Signals(-code).name}; it may need more than {limits.memory >> 20} MiB of memory"
+    return f"ended its process with exit code {code}"
+
+
+def answer(fd: int) -> None:
+    """The child's side: set the limits, run the function, write its value or its error to a file, and end."""
+    limits = pickle.load(sys.stdin.buffer)
+    resource.setrlimit(resource.RLIMIT_CPU, (limits.processor, limits.processor + 5))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limits.file, limits.file))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    value, line, details = None, None, None
+    try:
+        function, arguments = pickle.load(sys.stdin.buffer)
+        with open("/proc/self/statm") as file:
+            loaded = int(file.read().split()[5]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_DATA, (loaded + limits.memory, most))
+        value = function(*arguments)
+    except DominoError as error:
+        line = "; ".join([str(error), *getattr(error, "__notes__", ())])
+    except BaseException as error:  # noqa: BLE001 code of others may raise anything
+        details = traceback.format_exc()
+        line = " ".join(f"raised {type(error).__name__}: {error}".split())[:300]
+        if isinstance(error, MemoryError):
+            line = f"needs more than {limits.memory >> 20} MiB of memory"
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+    with open(fd, "wb") as file:
+        pickle.dump((value, line, details), file)
+    os._exit(0)
