@@ -1,8 +1,10 @@
 """The `domino-data` command: a thin table of verbs. Bad input ends with one line on stderr and exit code 2."""
 
+import io
 import os
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 from typing import Annotated
 
@@ -24,8 +26,11 @@ from pipeline.commands.inspect import doctor, status, verify
 from pipeline.commands.manage import diff, gc, merge, regenerate
 from pipeline.commands.show import show, view
 from pipeline.commands.stores import on_stores
+from pipeline.data.limited import Limits, run_limited
 from pipeline.plugins import PluginError, announced_verbs, load_plugins, use_plugins
+from pipeline.plugins import directories as plugin_directories
 
+CHECK_LIMITS = Limits(memory=6 << 30, processor=3600, wall=7200.0)
 VERBS = (
     *(build, plan, status, show, verify, render, view, export, publish, annotate, evaluate, compare, paper_table, serve_policy),
     *(diff, regenerate, merge, gc, tasks, motions, embodiments, check_task, check_object, check_robot, doctor),
@@ -82,8 +87,30 @@ def words_after_plugins() -> list[str]:
     """The words of this process's command line, once the plugins that they name are loaded. Raises PluginError."""
     words, directories = split_plugins(sys.argv[1:])
     use_plugins(directories)
+    if words[:1] == ["check-task"] and plugin_directories():
+        # the code that is checked may end its process, but not this one
+        code, out, err = run_limited(words[0], run_captured, words, limits=CHECK_LIMITS)
+        print(out, end="")
+        print(err, end="", file=sys.stderr)
+        sys.exit(code)
     load_plugins()
     return words
+
+
+def run_captured(words: list[str]) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command line with the plugins of the environment."""
+
+    def loaded() -> list[str]:
+        load_plugins()
+        return words
+
+    code, out, err = 0, io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            run_app(app, "domino-data", loaded)
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else 1
+    return code, out.getvalue(), err.getvalue()
 
 
 def main() -> None:

@@ -102,15 +102,27 @@ def _points() -> list[EntryPoint]:
 
 
 def _import(name: str, source: str):
+    open_before = _are_open()
     try:
-        return importlib.import_module(name)
-    except DominoError:
+        module = importlib.import_module(name)
+    except (DominoError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
-        # whatever a plugin raises, its user is told which one
+    except BaseException as error:
         spec = find_spec(name.partition(".")[0])
         place = line_of_error(error, spec.origin) if spec else ""
         raise PluginError(f"{place or f'{source}: {name}'}: {describe_error(error)}") from error
+    if open_before and not _are_open():
+        raise PluginError(f"{source}: {name}: closes the standard output of this process; leave it open")
+    return module
+
+
+def _are_open() -> bool:
+    """Whether what is printed arrives."""
+    try:
+        os.fstat(1)
+    except OSError:
+        return False
+    return sys.stdout is not None and not sys.stdout.closed
 
 
 def _top(directory: Path) -> list[str]:

@@ -32,9 +32,9 @@ def refused(*words: object, plugins: Path | None = None) -> str:
 
 
 @pytest.fixture
-def loaded(monkeypatch):
+def loaded(monkeypatch, tmp_path):
     """Loads a directory, and forgets it and its modules afterwards."""
-    path, modules = list(sys.path), set(sys.modules)
+    path = list(sys.path)
 
     def load(directory: Path) -> None:
         monkeypatch.setenv(ENV, str(directory))
@@ -42,7 +42,7 @@ def loaded(monkeypatch):
 
     yield load
     sys.path[:] = path
-    for name in set(sys.modules) - modules:
+    for name in [name for name, module in sys.modules.items() if str(tmp_path) in str(getattr(module, "__file__", ""))]:
         del sys.modules[name]
 
 
@@ -59,9 +59,12 @@ def loaded(monkeypatch):
         ("raise RuntimeError('no\\nlicence')", "broken.py:1: RuntimeError: no licence"),
         ("import not_there_at_all", "broken.py:1: ModuleNotFoundError"),
         ("raise SystemExit(0)", "broken.py:1: SystemExit"),
+        ("class Odd(BaseException): pass\nraise Odd('two\\nlines')", "broken.py:2: Odd: two lines"),
+        ("import sys\nsys.stdout = open('/dev/null')\nsys.stdout.close()", "broken: closes the standard output"),
     ],
 )
-def test_a_module_that_cannot_be_imported_is_named_in_one_line(tmp_path, loaded, text, said):
+def test_a_module_that_cannot_be_imported_is_named_in_one_line(tmp_path, loaded, monkeypatch, text, said):
+    monkeypatch.setattr(sys, "stdout", sys.stdout)  # one of them takes its place
     (tmp_path / "broken.py").write_text(text)
     with pytest.raises(DominoError) as error:
         loaded(tmp_path)
@@ -73,6 +76,20 @@ def test_a_class_that_a_call_of_type_makes_is_of_the_module_that_registers_it(tm
     (tmp_path / "made_things.py").write_text(f"from pipeline.world.objects.contract import Family, register\n{made}")
     loaded(tmp_path)
     assert FAMILIES.remove("made_thing").__module__ == "made_things"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import os\nos._exit(7)", "check-task: ended its process with exit code 7"),
+        ("import os\nos.closerange(0, 200)", "check-task: ended its process with exit code"),
+        ("class Odd(BaseException): pass\nraise Odd", "own.py:2: Odd"),
+        ("import numpy\nnumpy.ones(10**10)", "own.py:2: MemoryError"),
+    ],
+)
+def test_the_check_of_a_task_ends_in_one_line_whatever_the_task_does(tmp_path, text, words):
+    (tmp_path / "own.py").write_text(text)
+    assert words in refused("check-task", "own", plugins=tmp_path)
 
 
 def test_a_name_that_another_module_has_is_refused(tmp_path, loaded):

@@ -4,6 +4,7 @@ The child inherits what is installed, the environment and the directory, and non
 prints is dropped.
 """
 
+import importlib
 import os
 import pickle
 import resource
@@ -45,7 +46,7 @@ def run_limited[T](what: str, function: Callable[..., T], *arguments: Any, limit
     Raises DominoError with the line of one that the function raises, and LimitError, which begins with `what`, for any other end.
     """
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as found:
-        for part in (limits, (function, arguments)):
+        for part in (limits, (_module_of(function), function.__name__, arguments)):
             pickle.dump(part, given)
         given.seek(0)
         start = START.format(path=sys.path, fd=found.fileno())
@@ -77,6 +78,12 @@ def run_limited[T](what: str, function: Callable[..., T], *arguments: Any, limit
     raise LimitError(f"{what}: {line}") from RuntimeError(details)
 
 
+def _module_of(function: Callable[..., object]) -> str:
+    """The name by which another process imports a function's module."""
+    spec = getattr(sys.modules.get("__main__"), "__spec__", None)
+    return spec.name if function.__module__ == "__main__" and spec else function.__module__
+
+
 def _cause(code: int, limits: Limits) -> str:
     if code == -signal.SIGXCPU:
         return f"takes more than {limits.processor} s of processor time"
@@ -94,7 +101,8 @@ def answer(fd: int) -> None:
     most = resource.getrlimit(resource.RLIMIT_DATA)[1]
     value, line, details = None, None, None
     try:
-        function, arguments = pickle.load(sys.stdin.buffer)
+        module, name, arguments = pickle.load(sys.stdin.buffer)
+        function = getattr(importlib.import_module(module), name)
         with open("/proc/self/statm") as file:
             loaded = int(file.read().split()[5]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_DATA, (loaded + limits.memory, most))
