@@ -73,6 +73,7 @@ def check_task(
     images: Annotated[Path, typer.Option(help="Directory for images of poses that an arm cannot reach, if any.")] = Path(
         "check-task"
     ),
+    words: Annotated[bool, typer.Option("--words/--no-words", help="Whether its instructions are checked, too.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Check that a task keeps its contract; exit code 1 if it does not."""
@@ -89,7 +90,7 @@ def check_task(
     if unknown := [level for level in wanted if level not in known]:
         raise UsageError(f"--levels {unknown[0]} is unknown: levels are {', '.join(map(str, known))}")
     robot = get_embodiment(embodiment).name
-    found = {task: check(task, robot, wanted, images, given.recipe()) for task in names}
+    found = {task: check(task, robot, wanted, images, given.recipe(), words) for task in names}
     print_findings(found, as_json)
 
 

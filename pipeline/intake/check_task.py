@@ -1,7 +1,7 @@
 """`domino-data check-task NAME`: does a task keep the contract of pipeline/tasks/contract.py?"""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,10 +34,13 @@ def check_task(
     levels: tuple[int, ...] = (0, 1, 2, 3),
     images: Path | None = None,
     recipe: Recipe = DEFAULT,
+    words: bool = True,
 ) -> list[Finding]:
     """Check one task on one robot, done as `recipe` wants it; images of poses that an arm does not reach go to `images`.
 
-    An error of the task's own code is a finding. Raises UnknownName for an unknown task, UnknownEmbodiment for an unknown robot.
+    An error of the task's own code is a finding. What fails for the same reason at several levels
+    is one finding. Without `words`, instructions are left for later. Raises UnknownName for an
+    unknown task, UnknownEmbodiment for an unknown robot.
     """
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
@@ -53,7 +56,17 @@ def check_task(
         )
     for rollout in [*rollouts.values()][:1]:
         findings += catch_errors("determinism", author, lambda rollout=rollout: [_determinism(rollout, recipe)])
-    return findings
+    return _joined(f for f in findings if words or f.name.rpartition(" ")[2] not in ("language", "words"))
+
+
+def _joined(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings, those that fail with the same detail as one that has all of their names."""
+    found: dict[object, Finding] = {}
+    for number, each in enumerate(findings):
+        key = number if each.ok else each.detail
+        before = found.get(key)
+        found[key] = each if before is None else replace(before, name=f"{before.name}, {each.name}")
+    return list(found.values())
 
 
 def _level(spec: EpisodeSpec, recipe: Recipe, rollouts: dict[int, Rollout], images: Path | None) -> Iterator[Finding]:

@@ -73,7 +73,9 @@ class Placement:
 
     `distances` gives least distances (m) of its origin, seen from above, from the origins of bodies placed before, by name.
 
-    A `borne` body is held in the air at the region's `z`; see Body.
+    A `fixed` body never moves, as a goal pad that is glued to the table. With a `slide` it runs in
+    the body that it is `inside` like a drawer, along one axis and within limits. A `borne` body is
+    held in the air at the region's `z`; see Body.
 
     With `inside`, the name of a body placed before, the region is in that body's frame and no room is kept; see Body.
     """

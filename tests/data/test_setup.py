@@ -1,7 +1,11 @@
 """A setup alone, and as a part of a recipe."""
 
+import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from pipeline.data.cameras import project
+from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.recipe.model import KEYS, Recipe, RecipeError, parse_recipe
 from pipeline.data.setup import DEFAULT, IMAGES, Setup
 
@@ -46,3 +50,17 @@ def test_a_setup_may_have_no_cameras_and_a_dataset_must_have_some():
         Setup(cameras=()).override({"pointcloud": True}, "options", {"pointcloud": "--pointcloud"})
     with pytest.raises(RecipeError, match="speed is not a key of a setup"):
         Setup.parse({"speed": 3})
+
+
+def test_a_camera_may_be_placed_by_what_it_looks_at():
+    size = {"name": "side", "width": 320, "height": 240, "fovy": 45}
+    for position, point in (((0.8, -0.4, 1.2), (0, 0, 0.8)), ((0.1, 0.2, 1.5), (0.1, 0.2, 0.7))):
+        camera = NamedCamera(**size, position=position, look_at=point).camera("side")
+        uv, depth = project(camera.type, camera.pose, np.array(point, float))
+        np.testing.assert_allclose(uv, [160, 120], atol=1e-6)
+        assert depth == pytest.approx(np.linalg.norm(np.subtract(point, position)))
+        above, _ = project(camera.type, camera.pose, np.add(point, [0, 0.01, 0.01]))
+        assert above[1] < 120
+    for wrong in ({"position": (1, 1, 1)}, {"position": (1, 1, 1), "look_at": (1, 1, 1)}):
+        with pytest.raises(ValidationError):
+            NamedCamera(**size, **wrong)

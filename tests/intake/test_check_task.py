@@ -126,3 +126,17 @@ def test_errors_of_a_tasks_own_code_and_words_are_findings(documented_task, monk
 
 def test_every_fault_of_a_sentence_is_explained():
     assert list(FIXES) == list(CHECKS)
+
+
+def test_one_complaint_is_made_once_and_words_can_wait(documented_task, monkeypatch):
+    def broken(self, *_):
+        raise KeyError("no such body")
+
+    monkeypatch.setattr(type(TASKS[documented_task]), "meet", broken)
+    monkeypatch.setattr(type(TASKS[documented_task]), "seen", ("Take it.",))
+    bad = [f for f in check_task(documented_task, levels=(0, 1, 3)) if not f.ok]
+    assert len({f.detail for f in bad}) == len(bad)
+    names = ", ".join(f.name for f in bad)
+    assert "language" in names and names.count("level 3") == 1
+    later = [f.name for f in check_task(documented_task, levels=(0,), words=False) if not f.ok]
+    assert later and "language" not in later

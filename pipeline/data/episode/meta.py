@@ -9,6 +9,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    FiniteFloat,
     SerializerFunctionWrapHandler,
     field_serializer,
     field_validator,
@@ -16,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.data.cameras import Camera, CameraType
+from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.visuals import FIRST_LOOK, Visuals
 from pipeline.data.names import RETIRED, is_name
@@ -90,11 +91,38 @@ FARTHEST = 100.0
 """m from the origin of what a camera is mounted on, at most."""
 
 
+_Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class _Points(_Record):
+    position: _Point
+    look_at: _Point
+
+
 class NamedCamera(CameraInfo):
-    """A camera that a recipe asks for besides the robot's own: its name, size, field of view, link and pose."""
+    """A camera that a recipe asks for besides the robot's own: its name, size, field of view, link
+    and pose, or in place of a pose `position` and `look_at`, points (m) in the link or the world."""
 
     name: Name
     link: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _look_at(cls, values: Any) -> Any:
+        """Replace `position` and `look_at` by the pose of an upright camera."""
+        if not isinstance(values, dict) or not {"position", "look_at"} & values.keys():
+            return values
+        if "pose" in values:
+            raise ValueError("give a pose, or position and look_at, not both")
+        given = _Points.model_validate({k: values[k] for k in ("position", "look_at") if k in values})
+        forward = np.subtract(given.look_at, given.position)
+        if not 1e-6 < np.linalg.norm(forward) < 2 * FARTHEST:
+            raise ValueError("look_at is the position itself, or too far away")
+        level = np.hypot(forward[0], forward[1]) > 1e-6 * abs(forward[2])
+        # straight down or up, as the head camera: the left of the image is -x
+        left = (-forward[1], forward[0], 0.0) if level else (-1.0, 0.0, 0.0)
+        rest = {key: value for key, value in values.items() if key not in ("position", "look_at")}
+        return rest | {"pose": tuple(look(given.position, forward, left).tolist())}
 
     @field_validator("pose")
     @classmethod
