@@ -1,7 +1,10 @@
-"""HTML pages from jinja2 templates. Every value is escaped; a page is one file without scripts and outside references."""
+"""HTML pages from jinja2 templates, and text for Markdown. Every value is escaped; a page is one file without scripts and outside
+references."""
 
 import base64
+import re
 from functools import cache
+from html import escape
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -38,3 +41,30 @@ def mp4_uri(mp4: bytes) -> str:
 def anchor(title: str) -> str:
     """The id of a section: letters and digits of its title in lower case, a hyphen for every other character."""
     return "".join(c if c.isalnum() else "-" for c in title.lower())
+
+
+class Markdown(str):
+    """Text that is Markdown already: `markdown` leaves it as it is."""
+
+
+def markdown(value: object) -> str:
+    """A value as one line of Markdown text: HTML, links, code, columns and control characters in it are shown as what they are."""
+    if isinstance(value, Markdown):
+        return value
+    return "".join(f"&#{ord(c)};" if c in "`[]|" else c for c in escape(_line(str(value)), quote=False))
+
+
+def code_span(value: object) -> Markdown:
+    """A value as code within a line or a table's cell."""
+    return Markdown("`" + _line(str(value)).replace("`", "'").replace("|", "\\|") + "`")
+
+
+def code_block(text: str, language: str) -> Markdown:
+    """Lines as a block of code, which no line of them can end."""
+    fence = max(re.findall("`+", text), key=len, default="").rjust(3, "`")
+    fence += "`" * (fence in text)
+    return Markdown("\n".join([fence + language, *map(_line, text.strip().splitlines()), fence]) + "\n")
+
+
+def _line(text: str) -> str:
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)

@@ -17,6 +17,7 @@ from pipeline.data.dataset import Dataset, missed
 from pipeline.data.errors import DominoError
 from pipeline.data.findings import Finding
 from pipeline.data.parsing import ParseError, read_mapping, show_value
+from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.urls import with_urls
 
@@ -36,7 +37,8 @@ class UsageError(DominoError):
 
 def print_result(values: Any, as_json: bool, text: str) -> None:
     """Print JSON for a program, or text for a person."""
-    print(with_urls(json.dumps(values, indent=1) if as_json else text))
+    lines = with_urls(json.dumps(values, indent=1) if as_json else text).split("\n")
+    print("\n".join(map(printable, lines)))  # files of others name what a terminal would obey
 
 
 def table(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

@@ -80,7 +80,7 @@ class ExportCommand(BoundedCommand):
         if name is None and not helps and not ctx.resilient_parsing:  # words that the shell completes
             raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
         # whether the format exists is for the verb to say
-        flags = format_flags([name] if name in EXPORTERS and not helps else EXPORTERS)
+        flags = format_flags([name] if name is not None and name in EXPORTERS and not helps else EXPORTERS)
         own = {option for parameter in self.get_params(ctx) for option in parameter.opts}
         rest, given = split_options(args, own, {flag: all(users.values()) for flag, users in flags.items()}, name or "")
         ctx.meta[GIVEN] = given

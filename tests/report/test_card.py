@@ -241,7 +241,7 @@ def test_the_same_episodes_give_the_same_plots(card):
 
 
 def test_tables_and_choices():
-    assert table(["a"], [["x|y"]]) == "| a |\n| --- |\n| x\\|y |\n\n"
+    assert table(["a"], [["x|y"]]) == "| a |\n| --- |\n| x&#124;y |\n\n"
     assert spread([*map(Path, "abcdefghi")], 3) == [*map(Path, "aei")] and spread([Path("a")], 3) == [Path("a")]
 
 
@@ -265,3 +265,22 @@ def test_speeds_that_differ_by_rounding_only_are_plotted():
     edges = _edges([[0.05, np.nextafter(0.05, 1)], [0.05]])
     assert len(edges) == 21 and edges[0] < 0.03 and edges[-1] > 0.07
     np.testing.assert_allclose(_edges([[1.0, 2.0], [4.0]]), np.linspace(1, 4, 21))
+
+
+def test_what_a_dataset_says_of_itself_is_text_on_its_card(tmp_path):
+    path = make_episode(episode_path(tmp_path), frames=3)
+    hostile = "<img src=x onerror=alert(1)>\x1b[31m [a](javascript:1) ``` | b"
+    made = {"renderer": hostile, "processor": hostile, "packages": {hostile: hostile}}
+    (tmp_path / "provenance.json").write_text(json.dumps(made))
+    (tmp_path / "manifest.yaml").write_text("name: x # " + hostile.replace("\x1b", "") + "\n```\n<script>\n\x1b[2J\n````\n<b>\n")
+    exporter = EXPORTERS["puma-gt"]
+    exporter.export(Job(tmp_path, tmp_path / "out", [path], exporter.options(), describe=describe(tmp_path, [path])))
+    text = (tmp_path / "out" / "README.md").read_text()
+    assert all(c.isprintable() or c == "\n" for c in text)
+    blocks = re.compile(r"^(`{3,})\w*\n.*?^\1$", re.S | re.M)
+    recipe = next(block[0] for block in blocks.finditer(text) if "<script>" in block[0])
+    assert "<b>" in recipe and recipe.startswith("`````yaml\n")
+    outside = blocks.sub("", text)
+    assert "&lt;img src=x" in outside and "<img" not in outside and "](javascript" not in outside and "<b>" not in outside
+    rows = [line for line in outside.splitlines() if "onerror" in line]
+    assert len(rows) == 3 and all(len(row.split("|")) == 4 for row in rows)

@@ -6,6 +6,7 @@ from typing import NotRequired, TypedDict
 
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import read_json
+from pipeline.html import markdown
 
 RESULTS = "ladder.json"
 """Name of the file of results."""
@@ -54,7 +55,7 @@ def table(rows: Sequence[Result]) -> str:
         by_key.setdefault(key, {})[row["level"]] = row
     for key, found in by_key.items():
         cells = [_cell(found[n]) if n in found else "-" for n in levels]
-        lines.append(f"| {' | '.join(map(str, (*key, *cells)))} |")
+        lines.append(f"| {' | '.join(map(markdown, (*key, *cells)))} |")
     return "\n".join(lines)
 
 
@@ -87,11 +88,12 @@ def as_markdown(rows: Sequence[Result], code: str) -> str:
     shown = ", ".join(map(str, sorted({int(row["demonstrations"]) for row in rows})))
     seeds = ", ".join(map(str, sorted({len(row["by_seed"]) for row in rows})))
     tried = ", ".join(map(str, sorted({int(row["episodes"]) for row in rows})))
+    robots, alphas, code = map(markdown, (robots, alphas, code[:12]))
     return (
         "What memory buys on moving targets: small networks on states learn a task at all levels together and differ only in what "
         "they see: where everything is (`position`), the target's velocity besides (`velocity`), or how bodies moved since the "
         f"frame before (`two_frames`). {ROUNDS if any(map(_round, rows)) else ''}"
         f"{robots}; alpha {alphas} m/s; demonstrations a network: {shown}; networks of each kind: {seeds}. "
         f"Per cent of episodes ({tried} a cell, all networks of a kind together) solved in closed loop (`domino-data ladder`), "
-        f"95 % interval clustered by scene in brackets. Code {code[:12]}.\n\n{table(rows)}\n"
+        f"95 % interval clustered by scene in brackets. Code {code}.\n\n{table(rows)}\n"
     )

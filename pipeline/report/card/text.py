@@ -14,6 +14,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.licences import licences_in
 from pipeline.data.names import exported_names
 from pipeline.data.splits import split_of
+from pipeline.html import Markdown, code_block, code_span, markdown
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar.levels import mean_speed
 from pipeline.report.card.croissant import FILE, croissant
@@ -84,16 +85,17 @@ def spread(items: Sequence[Path], count: int) -> list[Path]:
 
 def _opening(seen: Sequence[Seen], summary: Mapping[str, Any]) -> str:
     hours = sum(one.seconds for one in seen) / 3600
-    levels = ", ".join(f"{level_name(*level)} ({level_of(*level).text})" for level in sorted({one.level for one in seen}))
+    levels = ", ".join(markdown(f"{level_name(*level)} ({level_of(*level).text})") for level in sorted({one.level for one in seen}))
     size = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.1f} min"
     began = f"{len(seen)} {kind_of(summary)}, {sum(one.frames for one in seen)} frames at {seen[0].meta.fps} Hz, {size}"
     what = "a scripted expert tried to handle an object that moves, and did not meet its task's conditions"
     if not is_failures(summary):
         what = "robots manipulate objects that move"
         if policy := seen[0].meta.corrects:
-            what = f"the policy `{policy}` acts on objects that move; a scripted expert labels every frame, takes over and finishes"
+            what = f"the policy {code_span(policy)} acts on objects that move; "
+            what += "a scripted expert labels every frame, takes over and finishes"
     return (
-        f"{began}: {what}. Levels of motion: {levels}. Format: `{summary['format']}`. {_timing(summary['format'])} "
+        f"{began}: {what}. Levels of motion: {levels}. Format: {code_span(summary['format'])}. {_timing(summary['format'])} "
         "Poses are x y z qw qx qy qz in the "
         "world frame (m): x to the robot's right, y away from it, z up, table top at z = 0.74. `croissant.json` has files, "
         "records and responsible use in the vocabulary of MLCommons Croissant."
@@ -215,7 +217,7 @@ def _joints(seen: Sequence[Seen]) -> str:
     for robot, names in sorted(robots.items()):
         for number, name in enumerate(names):
             unit = "0 closed, 1 open" if name.endswith("gripper") else "rad"
-            rows.append([robot, number, f"`{name}`", unit])
+            rows.append([robot, number, code_span(name), unit])
     return table(["robot", "index", "joint", "unit"], rows)
 
 
@@ -224,7 +226,7 @@ def _loading(folder: Path, summary: Mapping[str, Any]) -> str:
     parts = sorted(root for root in roots if root != ".")
     said = "`DIR` is this directory. On the hub, `load_dataset` takes the name of the repository in its place.\n\n"
     if parts:
-        names = bullets(f"`{part}`" for part in parts)
+        names = bullets(map(code_span, parts))
         said += f"It holds {len(parts)} LeRobot datasets; the code reads the first of them:\n\n{names}\n"
     return said + "\n".join(f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary, parts).items())
 
@@ -235,7 +237,7 @@ def _splits(seen: Sequence[Seen]) -> str:
 
     said, unsaid = ({text for one in seen for text in one.instructions[i]} for i in (0, 1))
     rows = [
-        ["physics (`physics_id`)", count(one.meta.physics_id or one.file for one in seen)],
+        [Markdown("physics (`physics_id`)"), count(one.meta.physics_id or one.file for one in seen)],
         ["motions of the target", count(one.path.tolist() for one in seen)],
         ["target objects", count(one.meta.objects[one.meta.target] for one in seen)],
         ["looks (room, lights, textures)", count(one.meta.drawing.visuals for one in seen)],
@@ -267,4 +269,4 @@ def _describe_origin(dataset: Path, summary: Mapping[str, Any]) -> str:
         said = f"an attempt goes through {stages}; these failed in one of them"
     text = f"Physics at 240 Hz; {said}.\n\n"
     text += table(["made with", ""], rows) if rows else ""
-    return text + (f"The recipe:\n\n```yaml\n{recipe}\n```\n" if recipe else "")
+    return text + (f"The recipe:\n\n{code_block(recipe, 'yaml')}" if recipe else "")
