@@ -123,18 +123,13 @@ def _counts(rgb: Any) -> NDArray[np.int64]:
 
 def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
     """Statistics (3,1,1) of colours in 0-1 from counts (3,256); `count` is the number of images, as LeRobot has it."""
-    return count_stats(counts, np.arange(256) / 255.0, frames)
-
-
-def count_stats(counts: NDArray[np.int64], values: NDArray[np.float64], frames: int) -> Stats:
-    """Statistics (C,1,1) of C channels from how often each of N values, which rise, occurs in `frames` images: counts (C,N)."""
-    total = counts.sum(1)
+    values, total = np.arange(256) / 255.0, counts.sum(1)
     mean = counts @ values / total
     present = counts > 0
     below = np.cumsum(counts, axis=1)
     out = {
         "min": values[present.argmax(1)],
-        "max": values[len(values) - 1 - present[:, ::-1].argmax(1)],
+        "max": values[255 - present[:, ::-1].argmax(1)],
         "mean": mean,
         "std": np.sqrt(np.maximum(counts @ values**2 / total - mean**2, 0.0)),
     }

@@ -1,7 +1,6 @@
 """Depth, segmentation and point clouds: in every format that has a place for them, named where a format has none."""
 
 import io
-import json
 
 import h5py
 import numpy as np
@@ -56,19 +55,18 @@ def test_parquet_has_them_without_loss(tmp_path, path):
     assert all(row[name] is None for row in rows[4:] for name in ("depth_cam_high", "segmentation_cam_left_wrist", "pointcloud"))
 
 
-def test_lerobot_has_depth_where_it_is_asked_for(tmp_path, path):
-    out, head = tmp_path / "out", "observation.images.cam_high_depth"
+def test_lerobot_has_depth_beside_the_features_where_it_is_asked_for(tmp_path, path):
+    out = tmp_path / "out"
     assert run("lerobot", tmp_path, out, [path], depth=True)["sensors_left_out"] == ["segmentation", "pointcloud"]
-    info, stats = (json.loads((out / "meta" / name).read_text()) for name in ("info.json", "stats.json"))
-    assert info["features"][head]["info"] == {"is_depth_map": True, "depth_unit": "mm"}
-    data = pq.read_table(out / "data/chunk-000/file-000.parquet")
+    # lerobot's policies see every feature of images, whatever its name
+    run("lerobot", tmp_path, tmp_path / "plain", [path])
+    assert (out / "meta/info.json").read_bytes() == (tmp_path / "plain/meta/info.json").read_bytes()
+    rows = pq.read_table(out / "depth/chunk-000/file-000.parquet").to_pylist()
+    assert [[row[name] for name in ("index", "episode_index", "frame_index")] for row in rows] == [[t, 0, t] for t in range(4)]
     with open_episode(path) as e:
-        depth = e.array("observation/head_camera/depth")
-    images = [np.asarray(Image.open(io.BytesIO(row["bytes"]))) for row in data[head].to_pylist()]
-    np.testing.assert_array_equal(images, depth)
-    counted = depth[:, ::2, ::2]  # LeRobot's rule for 320 by 240
-    for name in ("min", "max", "mean", "std"):
-        np.testing.assert_allclose(stats[head][name], getattr(counted, name)().reshape(1, 1, 1), rtol=1e-9)
+        for name, camera in (("cam_high", "head_camera"), ("cam_left_wrist", "left_camera"), ("cam_right_wrist", "right_camera")):
+            images = [np.asarray(Image.open(io.BytesIO(row[f"depth_{name}"]["bytes"]))) for row in rows]
+            np.testing.assert_array_equal(images, e.array(f"observation/{camera}/depth"))
     plain = make_episode(episode_path(tmp_path, slot=1), slot=1, frames=3)
     with pytest.raises(ExportError, match="head_camera has no depth images; draw the dataset again with them"):
         run("lerobot", tmp_path, tmp_path / "more", [path, plain], depth=True)

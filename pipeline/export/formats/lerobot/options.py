@@ -56,7 +56,7 @@ class LerobotV3Options(LerobotOptions):
     video_bytes: int = option("bytes that a video file does not exceed", whole(1), 200 * MEGABYTE)
     video_seconds: int = option("seconds that a video file does not exceed", whole(1, 86_400), 1000)
     language: bool = option("also write lerobot's language columns, which only lerobot 0.6 and later can read", default=False)
-    depth: bool = option("also write depth maps, which only lerobot 0.6 and later takes for depth", default=False)
+    depth: bool = option("also write depth maps, to files of their own that policies do not read", default=False)
 
 
 def datasets_of(episodes: Sequence[Path], out: Path, per_task: bool) -> dict[str, tuple[Path, list[Path]]]:

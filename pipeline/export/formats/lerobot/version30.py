@@ -4,7 +4,7 @@ Beyond the format: poses of target, end effectors and cameras, contacts, the tar
 frame, `domino.*` columns in meta/episodes (so that lerobot's `filter_episodes` can select on level, alpha, seed...),
 meta/domino_episodes.parquet (all instructions, motion, objects, events, skills), meta/domino.json and meta/modality.json (GR00T,
 StarVLA). `--language` adds lerobot's language columns: torch's own collate function refuses them, and lerobot before 0.6 cannot
-open a dataset that has them. `--depth` adds the depth maps of every camera.
+open a dataset that has them. `--depth` writes the depth maps of every camera beside the dataset (depth.py).
 
 `observation.state` is measured at the frame, `action` is the joint target commanded for the interval after it; nothing is shifted.
 File k of the data and file k of each video hold the same episodes.
@@ -15,13 +15,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from pipeline.export.exporter import register
 from pipeline.export.formats.lerobot.dataset import LerobotExporter, Writer
-from pipeline.export.formats.lerobot.depth import depth_columns, depth_counts, depth_key, depth_stats, with_depth
+from pipeline.export.formats.lerobot.depth import depth_schema, depth_table
 from pipeline.export.formats.lerobot.format import (
     TEXT_FEATURES,
     data_table,
@@ -54,10 +52,9 @@ class V3Writer(Writer):
         self.options = options
         if options.language:
             self.features = with_language(self.features)
-        if options.depth:
-            self.features = with_depth(self.features, first, self.names)
-        self.depths: dict[str, NDArray[np.int64]] = {}
         self.data = Tables(root / "data", data_schema(self.features))
+        ordered = {camera: self.names[camera] for camera in first.cameras}
+        self.depth = Tables(root / "depth", depth_schema(ordered)) if options.depth else None
         self.rows_to: Tables | None = None
         self.rows: list[dict[str, Any]] = []
         self.videos: dict[str, VideoFile] = {}
@@ -71,12 +68,9 @@ class V3Writer(Writer):
         row |= {f"data/{name}": value for name, value in self.data.place.items()}
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
         more = language_columns(facts, self.names, self.data.schema) if self.options.language else {}
-        more |= depth_columns(episode.depth, self.names)
         self.data.write(data_table(columns | more, self.data.schema))
-        for camera, coded in episode.depth.items():
-            key, counts = depth_key(self.names[camera]), depth_counts(coded)
-            stats[key] = depth_stats(counts, episode.encoded.sampled)
-            self.depths[key] = self.depths.get(key, 0) + counts
+        if self.depth:
+            self.depth.write(depth_table(episode.depth, self.depth.schema, index, self.frames))
         places = {}
         for camera, clip in episode.encoded.videos.items():
             key = image_key(self.names[camera])
@@ -108,6 +102,8 @@ class V3Writer(Writer):
             video.close()
         self.videos = {}
         self.data.roll()
+        if self.depth:
+            self.depth.roll()
 
     def _append_video(self, key: str, clip: Clip, facts: Facts) -> dict[str, Any]:
         number = self.data.number
@@ -135,15 +131,15 @@ class V3Writer(Writer):
             for video in self.videos.values():
                 closed.callback(video.close)
             closed.callback(lambda: self.rows_to and self.rows_to.close())
+            closed.callback(lambda: self.depth and self.depth.close())
             closed.callback(self.data.close)
             closed.callback(self._flush)
 
     def finish(self) -> dict[str, Any]:
         summary = super().finish()
-        texts = (*TEXT_FEATURES, PERSISTENT, EVENTS, *self.depths)
+        texts = (*TEXT_FEATURES, PERSISTENT, EVENTS)
         stats = {name: vector_stats(self.data.column(name)) for name in self.data.schema.names if name not in texts}
         stats |= {key: image_stats(counts, self.sampled) for key, counts in self.colors.items()}
-        stats |= {key: depth_stats(counts, self.sampled) for key, counts in self.depths.items()}
         info = {
             "codebase_version": VERSION,
             "fps": self.first.fps,

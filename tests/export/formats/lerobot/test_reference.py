@@ -25,7 +25,7 @@ def test_against_lerobot_itself(tmp_path, monkeypatch):
     monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
     lerobot_reads_every_frame(lerobot_dataset, tmp_path / "a")
     a_plain_data_loader_takes_the_default(tmp_path / "a/out")
-    a_plain_data_loader_takes_depth(lerobot_dataset, tmp_path / "d")
+    policies_are_built_from_a_dataset_with_depth(lerobot_dataset, tmp_path / "d")
     lerobot_resolves_the_language(lerobot_dataset, tmp_path / "a")
     the_files_are_those_that_lerobot_writes(lerobot_dataset, tmp_path / "b")
     load_dataset_reads_the_directory(tmp_path / "c")
@@ -72,21 +72,26 @@ def a_plain_data_loader_takes_the_default(out):
     loads.main(out)
 
 
-def a_plain_data_loader_takes_depth(lerobot, root):
-    """Batches of depth in mm equal the episode's, and lerobot knows them for depth."""
+def policies_are_built_from_a_dataset_with_depth(lerobot, root):
+    """ACT's inputs are those of the dataset without depth, and a training step runs."""
+    from lerobot.datasets.dataset_metadata import LeRobotDatasetMetadata
+    from lerobot.policies.act.configuration_act import ACTConfig
+    from lerobot.policies.factory import make_policy, make_pre_post_processors
     from torch.utils.data import DataLoader
 
     path = make_episode(episode_path(root), frames=5, depth=True)
     run("lerobot", root, root / "out", [path], depth=True)
-    loaded = lerobot.LeRobotDataset("domino/test", root=root / "out", video_backend="pyav")
-    keys = {f"observation.images.{name}_depth": camera for name, camera in CAMERAS.items()}
-    assert set(loaded.meta.depth_keys) == set(keys)
-    batches = list(DataLoader(loaded, batch_size=2))
-    with open_episode(path) as e:
-        for key, camera in keys.items():
-            got = np.concatenate([batch[key].numpy() for batch in batches])
-            assert got.shape == (5, 1, 240, 320)
-            np.testing.assert_array_equal(got[:, 0], e.array(f"observation/{camera}/depth"))
+    meta = LeRobotDatasetMetadata("domino/test", root=root / "out")
+    small = {"dim_model": 32, "n_heads": 2, "dim_feedforward": 32, "n_encoder_layers": 1, "chunk_size": 2, "n_action_steps": 2}
+    config = ACTConfig(**small, device="cpu", pretrained_backbone_weights=None, use_vae=False)
+    policy = make_policy(config, ds_meta=meta)
+    assert set(config.image_features) == {f"observation.images.{name}" for name in CAMERAS}
+    process, _ = make_pre_post_processors(config, dataset_stats=meta.stats)
+    steps = {"action": [0.0, 1 / 15]}
+    loaded = lerobot.LeRobotDataset("domino/test", root=root / "out", video_backend="pyav", delta_timestamps=steps)
+    loss, _ = policy.forward(process(next(iter(DataLoader(loaded, batch_size=2)))))
+    loss.backward()
+    assert np.isfinite(loss.item())
 
 
 def the_files_are_those_that_lerobot_writes(lerobot, root):
