@@ -44,6 +44,7 @@ def build(
     kind = common.kind_of("none" if quiet else progress)
     if not given.from_file and not yes:
         check_bounded(given.values, recipe, Dataset(out), crew.workers)
+    common.warn_of_pattern(out)
     with common.resumable(out):
         result = run_build(out, recipe, crew, slot_timeout, kind)
     if kind == "json":

@@ -80,6 +80,16 @@ def warn_of_missing(dataset: Dataset, recipe: Recipe) -> None:
         print(f"domino-data: warning: {with_urls(missed(missing))}", file=sys.stderr)
 
 
+def warn_of_pattern(path: Path) -> None:
+    """Warn on standard error of a path in which other libraries see a pattern."""
+    if set("[]*?") & set(str(path.absolute())):
+        print(
+            f"domino-data: warning: {path}: `datasets` and other readers take [ ] * ? in a path for a pattern and find no files "
+            "there: choose another name",
+            file=sys.stderr,
+        )
+
+
 @contextmanager
 def resumable(out: Path) -> Iterator[None]:
     """End the command with one line and exit code 130 if a signal stops the work; what is finished in `out` stays."""

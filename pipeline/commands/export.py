@@ -10,7 +10,17 @@ from typing import Annotated, Any, Literal
 import typer
 
 from pipeline.commands.bounded import BoundedCommand
-from pipeline.commands.common import AsJson, Quiet, Root, UsageError, Workers, executor_of, print_result, split_list
+from pipeline.commands.common import (
+    AsJson,
+    Quiet,
+    Root,
+    UsageError,
+    Workers,
+    executor_of,
+    print_result,
+    split_list,
+    warn_of_pattern,
+)
 from pipeline.data.dataset import Dataset
 from pipeline.data.licences import forbidden, licences_in
 
@@ -125,6 +135,7 @@ def export(
     if embodiment is not None and not robots:
         raise UsageError(f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by commas")
     request = Request(format_, ctx.meta[GIVEN], out, split, robots or (), where or "", ladder)
+    warn_of_pattern(out or dataset)
     made = run_export(source, request, executor_of("ray", workers)[1], not as_json and not quiet)
     if made.warning:
         print(f"domino-data: warning: {made.warning}", file=sys.stderr)

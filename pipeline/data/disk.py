@@ -12,6 +12,7 @@ FIXES = {
     errno.EACCES: "give this user the permission",
     errno.EPERM: "give this user the permission",
     errno.EROFS: "make it writable",
+    errno.EFBIG: "raise the limit of file sizes (ulimit -f)",
     **dict.fromkeys((errno.EIO, errno.ENODEV, errno.ENOTCONN, errno.ENXIO, errno.ESTALE, errno.EHOSTDOWN, errno.EREMOTEIO), _MOUNT),
 }
 """What to do about an error, by its number."""

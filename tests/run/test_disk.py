@@ -37,6 +37,7 @@ def failing_after_one(number):
         (errno.ENOSPC, "No space left on device: free some space;"),
         (errno.EDQUOT, "Disk quota exceeded: free some space or raise the quota;"),
         (errno.EACCES, "Permission denied: give this user the permission;"),
+        (errno.EFBIG, "File too large: raise the limit of file sizes (ulimit -f);"),
         (errno.EROFS, "Read-only file system: make it writable;"),
         (errno.ENOTCONN, "Transport endpoint is not connected: the mount is gone or broken: mount it again;"),
         (errno.ESTALE, "Stale file handle: the mount is gone or broken: mount it again;"),

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -68,7 +69,13 @@ def fatal_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
 @pytest.mark.usefixtures("ray_session")
 def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_path, monkeypatch):
     monkeypatch.setattr(build_module, "slot_worker", fatal_worker)
-    result = build_module.build(tmp_path / "out", RECIPE, Crew("ray", 2), shown="none")
+    results = []
+    # as from a notebook or a web page: Python has signal handlers in the main thread only
+    arguments = tmp_path / "out", RECIPE, Crew("ray", 2), 600.0, "none"
+    thread = threading.Thread(target=lambda: results.append(build_module.build(*arguments)))
+    thread.start()
+    thread.join()
+    (result,) = results
     assert (result.slots, result.accepted, result.given_up, result.attempts) == (3, 0, 3, 12)
     assert result.workers_lost == 3
     assert result.reasons == {"no_path": 11, "worker_died": 1}

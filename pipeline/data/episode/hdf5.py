@@ -23,7 +23,8 @@ def open_hdf5(path: Path) -> h5py.File:
     The library checks all structures of our files but these ("global heap", version 1). A wrong size in one makes it hang.
     """
     _check_heaps(path)
-    return h5py.File(path, "r")
+    # a finished file is never written again, and some file systems have no locks
+    return h5py.File(path, "r", locking=False)
 
 
 def _check_heaps(path: Path) -> None:

@@ -3,6 +3,7 @@
 import errno
 import fcntl
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +22,8 @@ class Busy(DominoError):
 def exclusive(directory: Path) -> Iterator[None]:
     """Hold the lock of an existing directory, which ends with the process however it ends, and leaves no file.
 
-    Raises Busy if another process, or another call in this one, holds it. Holds nothing if the file system has no such locks.
+    Raises Busy if another process, or another call in this one, holds it. Where the file system
+    has no such locks, it holds nothing and prints one line.
     """
     descriptor = os.open(directory, os.O_RDONLY)
     try:
@@ -32,6 +34,10 @@ def exclusive(directory: Path) -> Iterator[None]:
         except OSError as error:
             if error.errno not in _UNABLE:
                 raise
+            print(
+                f"domino-data: warning: {directory} cannot be locked here ({error.strerror}): let one command at a time write it",
+                file=sys.stderr,
+            )
         yield
     finally:
         os.close(descriptor)

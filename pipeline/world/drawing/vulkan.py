@@ -2,6 +2,7 @@
 
 import os
 import platform
+import resource
 import subprocess
 import sys
 from functools import cache
@@ -11,6 +12,9 @@ from pipeline.data.errors import DominoError
 
 ICD_FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 ADVICE = "install Mesa lavapipe >= 25 (Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers)"
+
+_LARGEST_FILE = 2**30
+"""Bytes of one file that rendering large images on a CPU may take; 320 x 240 takes 35 MB."""
 
 _PROBE = "import sapien; print(sapien.render.get_device_summary())"
 
@@ -28,12 +32,18 @@ def ensure_renderer() -> str:
     0 unless it is 2 or more: one worker per core scales, one worker with many threads does not. Call it before anything of
     `sapien.render` is used. Raises NoRenderer.
     """
-    chosen = os.environ.get("VK_ICD_FILENAMES") or os.environ.get("VK_DRIVER_FILES")
+    name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
+    chosen = os.environ.get(name)
+    drivers = [Path(part) for part in (chosen or "").split(os.pathsep) if part]
+    if drivers and not any(driver.exists() for driver in drivers):
+        raise NoRenderer(f"{name} names no file that is there ({chosen}): correct it, or unset it to use the installed drivers")
     if not chosen and not _gpu_works():
         icd = _lavapipe_icd()
         if icd is None:
             raise NoRenderer(f"no Vulkan device to draw with: {ADVICE}")
-        os.environ["VK_ICD_FILENAMES"] = str(icd)
+        os.environ["VK_ICD_FILENAMES"] = chosen = str(icd)
+    if "lvp" in (chosen or ""):
+        _check_file_limit()
     # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a tenth less of a core.
     if os.environ.get("LP_NUM_THREADS", "1") == "1":
         os.environ["LP_NUM_THREADS"] = "0"
@@ -43,6 +53,16 @@ def ensure_renderer() -> str:
         return sapien.render.RenderSystem().device.name
     except RuntimeError as error:
         raise NoRenderer(f"no Vulkan device to draw with ({error}): {ADVICE}") from error
+
+
+def _check_file_limit() -> None:
+    """Raise NoRenderer where a limit of file sizes would end this process: lavapipe keeps its memory in files without names."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
+        raise NoRenderer(
+            f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need {_LARGEST_FILE / 1e6:.0f}: "
+            "raise the limit (ulimit -f unlimited)"
+        )
 
 
 def _lavapipe_icd() -> Path | None:

@@ -1,6 +1,7 @@
 """HDF5 files: on a disk that refuses, the error is the system's, in one line, nothing stays open; damage hangs no reader."""
 
 import errno
+import fcntl
 
 import h5py
 import numpy as np
@@ -69,3 +70,11 @@ def test_a_wrong_size_in_a_collection_of_texts_is_refused_before_the_library_han
         return
     with pytest.raises(OSError, match="texts are damaged"):
         open_hdf5(path)
+
+
+def test_a_file_is_read_without_a_lock_of_its_file_system(tmp_path):
+    write(tmp_path / "a.h5")
+    with open(tmp_path / "a.h5", "rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with open_hdf5(tmp_path / "a.h5") as file:
+            assert len(file["a/plain"]) == 500

@@ -1,5 +1,7 @@
 """The lock of a dataset against another process, and against this one."""
 
+import errno
+import fcntl
 import signal
 import subprocess
 import sys
@@ -51,3 +53,13 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
         process.send_signal(signal.SIGKILL)
     with exclusive(tmp_path):
         pass
+
+
+def test_a_file_system_without_locks_is_one_line_and_no_hindrance(tmp_path, monkeypatch, capsys):
+    def refuse(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with exclusive(tmp_path), exclusive(tmp_path):
+        pass
+    assert capsys.readouterr().err.count("cannot be locked here (No locks available)") == 2

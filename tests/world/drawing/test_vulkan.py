@@ -35,7 +35,21 @@ def test_driver_of_this_architecture_is_preferred(monkeypatch: pytest.MonkeyPatc
     assert vulkan._lavapipe_icd() == tmp_path / "lvp_icd.x86_64.json"
 
 
+def test_a_chosen_driver_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("VK_ICD_FILENAMES", f"{tmp_path}/none.json:{tmp_path}/neither.json")
+    with pytest.raises(vulkan.NoRenderer, match=r"^VK_ICD_FILENAMES .*none\.json"):
+        vulkan.ensure_renderer.__wrapped__()
+
+
+def test_a_limit_of_file_sizes_that_would_end_the_process_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vulkan.resource, "getrlimit", lambda _: (100 * 1024, 100 * 1024))
+    monkeypatch.setenv("VK_ICD_FILENAMES", str(vulkan._lavapipe_icd()))
+    with pytest.raises(vulkan.NoRenderer, match="ulimit -f"):
+        vulkan.ensure_renderer.__wrapped__()
+
+
 def test_a_chosen_driver_that_does_not_work_is_one_line_not_a_crash(tmp_path: Path) -> None:
+    (tmp_path / "none.json").write_text("{}")
     code = "from pipeline.world.drawing.vulkan import *\ntry: ensure_renderer()\nexcept NoRenderer as e: print('line:', e)"
     environment = {**os.environ, "VK_ICD_FILENAMES": str(tmp_path / "none.json")}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
