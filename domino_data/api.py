@@ -99,11 +99,11 @@ def evaluate(
     rules. Returns rows of results: `cells` and `means`. Raises PolicyError for a policy that cannot be used.
     """
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.names import in_process, isolate, policy_name
+    from pipeline.evaluate.names import in_process, policy_name
     from pipeline.evaluate.scenes.case import blind, setup_of
     from pipeline.run.evaluation import evaluation_of, runner
 
-    name = in_process(policy) if callable(policy) else isolate(policy_name(str(policy)))
+    name = in_process(policy) if callable(policy) else policy_name(str(policy))
     crew, cells = _crew(1 if callable(policy) else workers), _recipe(recipe)
     wanted = evaluation_of(cells, blind(cells) if setup is None else setup_of(setup), name, clock, episodes=episodes, seed=seed)
     return run_evaluation(wanted, Path(out), runner(crew))

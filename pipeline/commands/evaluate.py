@@ -3,8 +3,9 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from tqdm import tqdm
@@ -25,6 +26,9 @@ from pipeline.commands.options import CELLS, SETUP, Given, recipe_options
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.store.urls import with_urls
+
+if TYPE_CHECKING:
+    from pipeline.evaluate.policies.policy import PolicyName
 
 PRINTS = "policy.log"
 """The file in OUT for what a policy prints in a process of its own that a worker started."""
@@ -77,8 +81,6 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with intervals."""
     from pipeline.evaluate.asking import ANSWERS
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.names import isolate, policy_name
-    from pipeline.evaluate.policies.policy import staying
     from pipeline.evaluate.scoring.summary import table
     from pipeline.run.evaluation import EPISODE_SECONDS, answer_together, evaluation_of, runner
 
@@ -89,10 +91,11 @@ def evaluate(
     one_client = workers is None and policy.startswith("ws") and batch_wait is None
     crew = crew_of(executor, 1 if one_client else workers, address)
     prints = out.absolute() / PRINTS if crew.executor == "ray" and address is None else None
+    name = _named(policy, in_process, prints)
     wanted = evaluation_of(
         recipe,
         _images_setup(given, recipe),
-        policy_name(policy) if in_process or batch_wait is not None else isolate(policy_name(policy), prints),
+        name,
         clock or "",
         episodes=episodes,
         seed=seed,
@@ -106,7 +109,6 @@ def evaluate(
         resumable(out),
         name_file(prints),
         tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar,
-        staying(),
         together as shared,
     ):
         runs = runner(crew, EPISODE_SECONDS + ANSWERS * answer_seconds)
@@ -124,6 +126,14 @@ def evaluate(
         for m in outcome.means
     ]
     print_result(outcome.to_dict(), as_json, "\n".join(text))
+
+
+def _named(policy: str, in_process: bool, prints: Path | None = None) -> "PolicyName":
+    """The policy that `--policy` names; one of this machine runs in a process of its own unless `in_process`."""
+    from pipeline.evaluate.names import policy_name
+
+    name = policy_name(policy, prints)
+    return replace(name, process="evaluator") if in_process and name.process == "own" else name
 
 
 @contextmanager
@@ -204,7 +214,6 @@ def paper_table(
 ) -> None:
     """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published rows."""
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.names import isolate, policy_name
     from pipeline.evaluate.scoring.paper import beside, differences, experiment
     from pipeline.run.evaluation import evaluation_of, runner
 
@@ -217,8 +226,7 @@ def paper_table(
     }
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    named = policy_name(policy) if in_process else isolate(policy_name(policy))
-    wanted = evaluation_of(recipe, setup, named, clock or "", episodes=episodes)
+    wanted = evaluation_of(recipe, setup, _named(policy, in_process), clock or "", episodes=episodes)
     means = run_evaluation(wanted, out, runner(crew_of(executor, workers, None))).to_dict()["means"]
     rows = beside(found, means)
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
@@ -252,7 +260,6 @@ def serve_policy(
         float | None,
         typer.Option(min=0, max=60_000, help="Use one BatchPolicy for all clients; a batch waits this many ms for more questions."),
     ] = None,
-    protocol: Annotated[str, typer.Option(help="domino, or openpi for clients of openpi.")] = "domino",
     embodiment: Annotated[str, typer.Option(help="The robot of openpi's clients, which do not name it.")] = "aloha",
     reset_every: Annotated[
         int, typer.Option(min=0, max=100_000, help="Number of questions in an episode of openpi's clients; 0 detects its end.")
@@ -260,19 +267,14 @@ def serve_policy(
     as_json: AsJson = False,
 ) -> None:
     """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
-    from pipeline.evaluate.names import make_policy, policy_name
+    from pipeline.evaluate.names import make_here, policy_name
     from pipeline.evaluate.policies.policy import Policy, SeesTruth
     from pipeline.evaluate.serving.address import token
     from pipeline.evaluate.serving.batching import batcher_of
-    from pipeline.evaluate.serving.bridges.openpi import Openpi
     from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
-    from pipeline.evaluate.serving.session import Domino
+    from pipeline.evaluate.serving.session import ServerOptions
     from pipeline.world.robots import UnknownEmbodiment, get_embodiment
 
-    if protocol not in ("domino", "openpi"):
-        raise UsageError(f"--protocol {protocol!r} is unknown: choose domino or openpi")
-    if reset_every and protocol != "openpi":
-        raise UsageError("--reset-every is for --protocol openpi: the clients of domino report the start of an episode")
     try:
         robot = get_embodiment(embodiment).name
     except UnknownEmbodiment as error:
@@ -280,7 +282,7 @@ def serve_policy(
     place, name = Place(host, port, token()), policy_name(policy)
 
     def made() -> Policy:
-        found = make_policy(name)
+        found = make_here(name)
         if isinstance(found, SeesTruth):
             raise UsageError(f"{policy} is shown the simulation itself and cannot be served: give it to evaluate --policy")
         return found
@@ -290,11 +292,11 @@ def serve_policy(
         print_result(
             {"policy": name.label, "host": host, "port": port},
             as_json,
-            f"serving {name.label} on {'ws' if protocol == 'domino' else protocol}://{shown}:{port}",
+            f"serving {name.label} on ws://{shown}:{port}",
         )
         sys.stdout.flush()
 
-    language = Domino(name.label) if protocol == "domino" else Openpi(name.label, robot, reset_every)
     make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
-    server = PolicyServer(make, language, place, Limits(clients), lambda line: typer.echo(line, err=True))
+    options = ServerOptions(name.label, robot, reset_every)
+    server = PolicyServer(make, options, place, Limits(clients), lambda line: typer.echo(line, err=True))
     server.run(print_address)

@@ -1,25 +1,27 @@
-"""Asks a policy, within a time limit: whatever it does becomes a valid answer or one of two faults that end its episode.
+"""Asks a policy: whatever it does becomes a valid answer or one of two faults that end its episode.
 
-ActionError: it answered with something that is no action. NoAnswer: it raised an error, lost its connection, tried to end the
-program, or ran out of time. What keeps a policy from being tried at all (no server, another robot) stays a PolicyError.
+ActionError: it answered with something that is no action. NoAnswer: it raised an error, lost its
+connection or ran out of time. What keeps a policy from being tried at all (no server, another robot)
+stays a PolicyError. A policy in another process has a time limit; one of this process, which is ours or
+runs here for a debugger, has none.
 """
 
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.data.time_limit import time_limit
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.names import make_policy
+from pipeline.evaluate.names import is_built_in, make_policy
 from pipeline.evaluate.policies.contract import check_contract
 from pipeline.evaluate.policies.policy import (
-    Gone,
     NoAnswer,
     Observation,
     Policy,
@@ -27,32 +29,43 @@ from pipeline.evaluate.policies.policy import (
     PolicyName,
     SeesTruth,
     Start,
-    attribute,
     chunk_of,
     count_inferences,
 )
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import Trial
-
-ANSWER_SECONDS = 300.0
-"""What one answer may take by default: the first one often compiles a model."""
+from pipeline.evaluate.serving.client import ANSWER_SECONDS
+from pipeline.evaluate.serving.probe import probe_policy
 
 ANSWERS = 10
 """All answers of an episode together may take this many times as long as one."""
 
 
-class Late(Gone):
-    """The time limit passed. The policy was interrupted anywhere."""
+def load_once(name: PolicyName) -> Policy:
+    """The policy of a name, made once in a process: loading one may take long. Raises PolicyError."""
+    return _load(name.text, name.process, name.prints)
 
 
 @lru_cache(maxsize=1)
-def load_once(name: PolicyName) -> Policy:
-    """The policy of a name, made once in a process: loading one may take long. Raises PolicyError."""
-    return make_policy(name)
+def _load(text: str, process: str, prints: Path | None) -> Policy:
+    return make_policy(PolicyName(text, text, process=process, prints=prints))
 
 
-def _late_after(seconds: float) -> AbstractContextManager[None]:
-    return time_limit(seconds, Late(f"no answer in {seconds:.3g} s"))
+def introduce(name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS) -> PolicyName:
+    """The name of a policy with its probe (probe.py), after its contract was compared with all `starts`.
+
+    Raises PolicyError if it cannot be loaded, was made for other episodes, or refuses the first of them.
+    """
+    policy = load_once(name)
+    try:
+        for start in starts:
+            check_contract(policy, start)
+        if is_built_in(name) or isinstance(policy, SeesTruth):
+            return name
+        _limit(name, policy, seconds)
+        return probe_policy(name, policy, starts[0])
+    except PolicyError as error:
+        raise PolicyError(f"policy {name.label}: {error}") from error
 
 
 class Asked:
@@ -63,7 +76,7 @@ class Asked:
     """
 
     def __init__(self, name: PolicyName, seconds: float = ANSWER_SECONDS) -> None:
-        self._seconds, self._left = seconds, ANSWERS * seconds
+        self._name, self._seconds, self._left = name, seconds, ANSWERS * seconds
         self.policy, self.count, self.inferences = load_once(name), 0, 0
 
     @property
@@ -73,24 +86,22 @@ class Asked:
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
         """Begin the episode. Raises NoAnswer if the policy fails, PolicyError if it refuses the episode."""
-        policy, refusal = self.policy, None
+        policy = self.policy
         check_contract(policy, start)
-        with self._translate_errors():
+        with self._in_time():
             try:
                 policy.reset(start)
-            except NoAnswer:
+            except (PolicyError, KeyboardInterrupt):
                 raise
-            except PolicyError as error:
-                refusal = error
-        if refusal is not None:
-            raise refusal
-        if isinstance(policy, SeesTruth):
-            with self._translate_errors():
-                policy.see(trial, case)
+            except BaseException as error:
+                raise NoAnswer(line_of(error)) from error
+            if isinstance(policy, SeesTruth):
+                with _translated():
+                    policy.see(trial, case)
 
     def answer(self, observation: Observation, length: int) -> NDArray[np.float64]:
         """The next chunk (H,A) of actions with `length` numbers. Raises ActionError or NoAnswer."""
-        with self._translate_errors():
+        with self._in_time(), _translated():
             before = count_inferences(self.policy)
             chunk = chunk_of(self.policy.act(observation), length)
             after = count_inferences(self.policy)
@@ -99,31 +110,28 @@ class Asked:
         return chunk
 
     @contextmanager
-    def _translate_errors(self) -> Iterator[None]:
+    def _in_time(self) -> Iterator[None]:
         began = time.monotonic()
+        _limit(self._name, self.policy, max(0.001, min(self._seconds, self._left)))
         try:
-            with _late_after(max(0.001, min(self._seconds, self._left))):
-                yield
-        except Gone:
-            self._discard()
-            raise
-        except (ActionError, NoAnswer, KeyboardInterrupt):
-            raise
-        except DominoError as error:
-            raise NoAnswer(str(error)) from error
-        except BaseException as error:
-            raise NoAnswer(line_of(error)) from error
+            yield
         finally:
             self._left -= time.monotonic() - began
 
-    def _discard(self) -> None:
-        """Have the policy made again for the next episode, and end what it holds, such as a connection."""
-        load_once.cache_clear()
-        try:
-            with _late_after(self._seconds):
-                if callable(close := attribute(self.policy, "close")):
-                    close()
-        except KeyboardInterrupt:
-            raise
-        except BaseException:  # noqa: BLE001 (it is given up already)
-            return
+
+def _limit(name: PolicyName, policy: Any, seconds: float) -> None:
+    """How long an answer of a policy in another process is waited for."""
+    if name.process != "evaluator":
+        policy.seconds = seconds
+
+
+@contextmanager
+def _translated() -> Iterator[None]:
+    try:
+        yield
+    except (ActionError, NoAnswer, KeyboardInterrupt):
+        raise
+    except DominoError as error:
+        raise NoAnswer(str(error)) from error
+    except BaseException as error:
+        raise NoAnswer(line_of(error)) from error

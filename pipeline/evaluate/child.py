@@ -1,59 +1,78 @@
-"""The process of a policy; it answers messages until its caller ends: python -m pipeline.evaluate.child DESCRIPTOR TEXT LABEL."""
+"""The process of a policy: python -m pipeline.evaluate.child DESCRIPTOR TEXT [CLIENTS WAIT].
+
+It answers messages on the descriptor until its caller ends. With CLIENTS and WAIT it serves the policy,
+in batches that wait WAIT seconds, on a port of loopback that it sends instead of the metadata.
+"""
 
 import os
 import select
+import signal
 import sys
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from pipeline.data.errors import DominoError
-from pipeline.evaluate.names import make_policy
-from pipeline.evaluate.policies.policy import PolicyError, PolicyName, SeesTruth, staying
-from pipeline.evaluate.serving.server import call_policy, fault_of
-from pipeline.evaluate.serving.session import Domino
-from pipeline.evaluate.serving.wire import WireError, pack, unpack
+from pipeline.evaluate.names import make_here
+from pipeline.evaluate.policies.policy import Policy, PolicyError, PolicyName, SeesTruth
+from pipeline.evaluate.serving.batching import batcher_of
+from pipeline.evaluate.serving.messages import pack
+from pipeline.evaluate.serving.process import refusal_frame
+from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
+from pipeline.evaluate.serving.session import ServerOptions, Session, guarded, respond
+
+NAME = "policy"
+"""What it is called here: the caller knows its name."""
 
 
-def serve(connection: Connection, name: PolicyName) -> None:
-    """Make the policy of a name and answer messages about it. Raises EOFError or OSError when the connection ends."""
-    language = Domino(name.label)
-    try:
-        policy = make_policy(name)
-        if isinstance(policy, SeesTruth):
-            raise PolicyError(f"{name.label}: is shown the simulation and cannot run in a process of its own: add --in-process")
-        session = language.session(policy)
-        connection.send_bytes(pack(call_policy(session.greeting)))
-    except DominoError as error:
-        connection.send_bytes(language.error(str(error), ""))
-        return
-    while True:
-        data = connection.recv_bytes()
-        try:
-            answer = call_policy(lambda data=data: pack(session.answer(unpack(data))))
-        except WireError as error:
-            answer = language.error(str(error), "")
-        except DominoError as error:
-            answer = language.error(str(error), fault_of(error))
-        connection.send_bytes(answer)
+def serve(connection: Connection, text: str) -> None:
+    """Make the policy of a name and answer messages. Raises EOFError or OSError when the connection ends."""
+    session = guarded(lambda: Session(_make(text), ServerOptions(NAME)))
+    greeting = session if isinstance(session, tuple) else guarded(lambda: pack(session.metadata()))
+    _send(connection, greeting)
+    while not isinstance(session, tuple) and not isinstance(greeting, tuple):
+        _send(connection, respond(session, connection.recv_bytes()))
 
 
-def _end_with_caller(descriptor: int, leave: Callable[[int], object]) -> None:
-    """Wait until the other end of the connection is closed, then end this process, whatever the policy does."""
+def host(connection: Connection, text: str, clients: int, wait: float) -> None:
+    """Make the policy of a name and serve it to so many clients at once."""
+    options, place = ServerOptions(NAME), Place(port=0)
+    batcher = guarded(lambda: batcher_of(_make(text), text, wait))
+    if isinstance(batcher, tuple):
+        return _send(connection, batcher)
+    server = PolicyServer(batcher.seat, options, place, Limits(clients))
+    server.run(lambda port: connection.send_bytes(pack({"port": port})))
+
+
+def _make(text: str) -> Policy:
+    policy = make_here(PolicyName(text, text))
+    if isinstance(policy, SeesTruth):
+        raise PolicyError(f"--policy {text}: is shown the simulation and cannot run in a process of its own: add --in-process")
+    return policy
+
+
+def _send(connection: Connection, answer: bytes | tuple[str, int]) -> None:
+    connection.send_bytes(refusal_frame(*answer) if isinstance(answer, tuple) else answer)
+
+
+def _end_with_caller(descriptor: int) -> None:
+    """Wait until the other end of the connection is closed, then end this group of processes, whatever the policy does."""
     poll = select.poll()
     poll.register(descriptor, 0)
     poll.poll()
-    leave(1)
+    os.killpg(0, signal.SIGKILL)
 
 
 def main() -> None:
     """Serve the policy that the command line names."""
-    descriptor, text, label = sys.argv[1:]
-    threading.Thread(target=_end_with_caller, args=(int(descriptor), os._exit), daemon=True).start()
+    descriptor, text, *hosted = sys.argv[1:]
+    threading.Thread(target=_end_with_caller, args=(int(descriptor),), daemon=True).start()
+    connection = Connection(int(descriptor))
     # the connection ends when the caller does
-    with staying(), suppress(EOFError, OSError):
-        serve(Connection(int(descriptor)), PolicyName(text, label))
+    with suppress(EOFError, OSError):
+        if hosted:
+            host(connection, text, int(hosted[0]), float(hosted[1]))
+        else:
+            serve(connection, text)
 
 
 if __name__ == "__main__":

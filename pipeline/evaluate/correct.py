@@ -18,7 +18,7 @@ from pipeline.evaluate.asking import Asked
 from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.policies.contract import check_contract
-from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, staying
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError
 from pipeline.evaluate.scenes.case import Case, blind
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
@@ -56,7 +56,6 @@ class Correction:
 
     recipe: Recipe
 
-    @staying()
     def __call__(self, scene: Scene, motion: TargetMotion, meeting: float) -> Replay:
         """The rollout, whose log says who acted at each frame and what the expert would have done.
 
@@ -78,7 +77,6 @@ class Correction:
         return Replay(replace(log, intervention=np.arange(len(log)) >= frames, expert_action=expert), done.steps)
 
 
-@staying()
 def check_policy(recipe: Recipe) -> None:
     """Make the policy that a recipe corrects, and compare its contract. Raises PolicyError if either fails."""
     try:

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.asking import ANSWER_SECONDS, Asked
-from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed, staying
+from pipeline.evaluate.asking import Asked
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, PolicyName, Start, attribute, policy_seed
 from pipeline.evaluate.scenes.case import BLIND, Case, start_hash
 from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER, Trial
 from pipeline.evaluate.scenes.views import Eyes, Sight, instruction_of
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.evaluate.scoring.pace import drive_overlapped, in_turn
+from pipeline.evaluate.serving.client import ANSWER_SECONDS
 from pipeline.stages.scene import build_scene
 from pipeline.world.cameras import setup_cameras
 from pipeline.world.robots.contract import Embodiment
@@ -59,7 +60,6 @@ def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
     return Start(words, robot.name, robot.vector_names, setup.fps, tuple(sizes), policy_seed(words, robot.name), sizes, setup)
 
 
-@staying()
 def run_episode(job: EpisodeJob) -> dict[str, Any]:
     """The row of one episode; see `play`."""
     return play(job)[1]

@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import SystemRandom
 from typing import Any
@@ -13,17 +13,19 @@ from pipeline.data.disk import check_directory
 from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.data.store.lock import exclusive
-from pipeline.evaluate.asking import ANSWER_SECONDS, load_once
+from pipeline.evaluate.asking import introduce
 from pipeline.evaluate.episode import EpisodeJob, run_episode, start_of
 from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, sheet
+from pipeline.evaluate.names import is_built_in
 from pipeline.evaluate.page import Film, caption, page
-from pipeline.evaluate.policies.contract import check_contract
-from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start, staying
+from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
 from pipeline.evaluate.scenes.case import BLIND, Case
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
 from pipeline.evaluate.scoring.summary import Row, over_tasks, summarise
+from pipeline.evaluate.serving.client import ANSWER_SECONDS
+from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.world.robots import get_embodiment
 
 
@@ -81,11 +83,7 @@ def evaluate(
     seeds = Manifests(manifests or out / "manifests", wanted.seed, wanted.setup)
     for place in (out, seeds.root):
         check_directory(place)
-    if seeds.short(wanted.cells, wanted.episodes):
-        tell("loading the policy")
-        robots = dict.fromkeys(cell.embodiment for cell in wanted.cells)
-        starts = tuple(start_of(get_embodiment(robot), wanted.setup, "") for robot in robots)
-        list(run(load_policy, [(wanted.policy, starts)]))
+    wanted = replace(wanted, policy=_introduced(wanted, run, tell))
     out.mkdir(parents=True, exist_ok=True)
     with exclusive(out):
         results = Results(out / EPISODES, check_episode)
@@ -155,13 +153,17 @@ def _job(wanted: Evaluation, case: Case) -> EpisodeJob:
     return EpisodeJob(case, *common, wanted.answer_seconds)
 
 
-@staying()
-def load_policy(wanted: tuple[PolicyName, Sequence[Start]]) -> None:
-    """Load a policy, to see that it can be loaded and was made for such episodes. Raises PolicyError."""
-    name, starts = wanted
-    policy = load_once(name)
-    try:
-        for start in starts:
-            check_contract(policy, start)
-    except PolicyError as error:
-        raise PolicyError(f"policy {name.label}: {error}") from error
+def _introduced(wanted: Evaluation, run: Runner, tell: Callable[[str], None]) -> PolicyName:
+    """The policy's name with its probe, asked where the policy runs. Raises PolicyError."""
+    robots = dict.fromkeys(cell.embodiment for cell in wanted.cells)
+    starts = tuple(start_of(get_embodiment(robot), wanted.setup, PROMPT) for robot in robots)
+    job = (wanted.policy, starts, wanted.answer_seconds)
+    if not starts or is_built_in(wanted.policy):
+        return introduce_policy(job)
+    tell("loading the policy")
+    return next(iter(run(introduce_policy, [job])))[1]
+
+
+def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
+    """As `introduce`, for a runner."""
+    return introduce(*job)

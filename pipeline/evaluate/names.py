@@ -6,7 +6,7 @@ distributions announce in the entry points GROUP add to both registries; they ar
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -19,15 +19,13 @@ from pipeline.data.parsing import real
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.policies.files import digest_of, module_of
 from pipeline.evaluate.policies.lerobot import LerobotForm
-from pipeline.evaluate.policies.policy import Policy, PolicyError, PolicyName, Start
-from pipeline.evaluate.policies.reference import Chaser, Interceptor, Random, Replay, Static, Tapper
+from pipeline.evaluate.policies.policy import NoAnswer, Policy, PolicyError, PolicyName
+from pipeline.evaluate.policies.reference import Chaser, Interceptor, Random, Replay, Static, Still, Tapper
 from pipeline.evaluate.policies.robotwin import RobotwinForm
 from pipeline.evaluate.policies.xpolicylab import XPolicyLabForm
-from pipeline.evaluate.serving.bridges import groot, openpi, starvla
-from pipeline.evaluate.serving.client import SCHEMES, RemoteForm
-from pipeline.evaluate.serving.form import ServerForm
-from pipeline.evaluate.serving.own_process import OwnProcess
-from pipeline.evaluate.serving.probe import probe_policy
+from pipeline.evaluate.serving.bridges import groot, starvla
+from pipeline.evaluate.serving.client import SCHEMES, BridgeForm, Client, ServerForm
+from pipeline.evaluate.serving.process import Process
 from pipeline.registry import Registry
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
@@ -45,7 +43,7 @@ class Form(Protocol):
     """A kind of policy that is named KIND:..."""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the policy exists, without making it. Raises PolicyError."""
+        """Check that the policy exists, without making it; says in which process it is made. Raises PolicyError."""
         ...
 
     def make(self, text: str) -> Policy:
@@ -56,12 +54,6 @@ class Form(Protocol):
 FORMS = Registry[Form]("kind of policy")
 """Kinds of policies by what stands before the colon."""
 
-PROBED = ("openpi", "starvla", "gr00t")
-"""Kinds of policies that are asked a question to tell them apart."""
-
-LOADED = ("robotwin", "xpolicylab", "lerobot", "ladder")
-"""Kinds of policies whose code is loaded on this machine."""
-
 for _name, _policy in (
     ("replay", Replay),
     ("static", Static),
@@ -69,14 +61,14 @@ for _name, _policy in (
     ("tapper", Tapper),
     ("interceptor", Interceptor),
     ("random", Random),
+    ("still", Still),
 ):
     POLICIES.add(_name, _policy)
 
 for _name, _form in (
-    *((scheme, RemoteForm()) for scheme in SCHEMES),
-    ("openpi", ServerForm(openpi.OpenpiClient, openpi.PORT, ("execute", "size"))),
-    ("starvla", ServerForm(starvla.StarvlaClient, starvla.PORT, starvla.OPTIONS)),
-    ("gr00t", ServerForm(groot.GrootClient, groot.PORT, ("execute",))),
+    *((scheme, ServerForm()) for scheme in SCHEMES),
+    ("starvla", BridgeForm(starvla.StarvlaClient, starvla.PORT, starvla.OPTIONS)),
+    ("gr00t", BridgeForm(groot.GrootClient, groot.PORT, ("execute",))),
     ("robotwin", RobotwinForm()),
     ("xpolicylab", XPolicyLabForm()),
     ("lerobot", LerobotForm()),
@@ -94,14 +86,19 @@ def load_entry_points() -> None:
             raise PolicyError(f"entry point {point.name}: {point.module} cannot be imported: {line_of(error)}") from error
 
 
-def policy_name(text: str) -> PolicyName:
-    """Check that a policy exists, without making it. Raises PolicyError."""
+def policy_name(text: str, prints: Path | None = None) -> PolicyName:
+    """Check that a policy exists, without making it. Raises PolicyError.
+
+    What it prints in a process of its own is appended to the file `prints`.
+    """
     load_entry_points()
     kind = text.partition(":")[0]
     if kind in FORMS:
-        return replace(FORMS[kind].name(text), process="server" if kind in (*SCHEMES, *PROBED) else "evaluator")
+        name = FORMS[kind].name(text)
+        return replace(name, prints=prints) if name.process == "own" else name
     if text.endswith(".py"):
-        return PolicyName(str(Path(text).resolve()), f"{Path(text).name}@{digest_of([Path(text)])}")
+        path = Path(text).resolve()
+        return PolicyName(str(path), f"{path.name}@{digest_of([path])}", prints=prints)
     if kind not in POLICIES:
         forms = "".join(f", {form}:..." for form in FORMS)
         raise PolicyError(f"--policy {text!r} is unknown: give a file FILE.py or one of {', '.join(POLICIES)}{forms}")
@@ -109,7 +106,7 @@ def policy_name(text: str) -> PolicyName:
     known = list(signature(POLICIES[kind]).parameters)
     if unknown := [key for key in arguments if key not in known]:
         raise PolicyError(f"--policy {text}: {kind} has no {unknown[0]}; it takes {', '.join(known) or 'nothing'}")
-    return PolicyName(text, text)
+    return PolicyName(text, text, process="evaluator")
 
 
 def in_process(make: Callable[[], Policy]) -> PolicyName:
@@ -127,28 +124,26 @@ def in_process(make: Callable[[], Policy]) -> PolicyName:
     text = f"{label}-{id(make)}"  # one of the same text may hold other weights
     if text not in IN_PROCESS:
         IN_PROCESS.add(text, make)
-    return PolicyName(text, label)
+    return PolicyName(text, label, process="evaluator")
 
 
-def isolate(name: PolicyName, prints: Path | None = None) -> PolicyName:
-    """The same policy in a process of its own, if its code is a file's or that of a form in LOADED. Other names are unchanged.
-
-    What it prints is appended to the file `prints`.
-    """
-    loaded = name.text.endswith(".py") or name.text.partition(":")[0] in LOADED
-    return replace(name, process="own", prints=prints) if loaded else name
-
-
-def identify(name: PolicyName, start: Start) -> PolicyName:
-    """The name of a policy, with a probe if its port does not name what it serves; other names are unchanged.
-
-    `start` is an episode of the evaluation. Raises PolicyError; see probe.py.
-    """
-    return probe_policy(name, make_policy(name), start) if name.text.partition(":")[0] in PROBED else name
+def is_built_in(name: PolicyName) -> bool:
+    """Whether a policy is one of POLICIES, which the version of this program covers."""
+    return name.text.partition(":")[0] in POLICIES and name.process == "evaluator"
 
 
 def make_policy(name: PolicyName) -> Policy:
-    """The policy of a name. Raises PolicyError if it cannot be made, whatever its own code raises."""
+    """The policy of a name, in its process. Raises PolicyError if it cannot be made, whatever its own code raises."""
+    if name.process != "own":
+        return make_here(name)
+    try:
+        return Client(partial(Process, name))
+    except NoAnswer as error:
+        raise PolicyError(f"--policy {name.text}: {error}") from error
+
+
+def make_here(name: PolicyName) -> Policy:
+    """The policy of a name in this process. Raises PolicyError as `make_policy`."""
     try:
         return _make(name)
     except (DominoError, KeyboardInterrupt):
@@ -158,8 +153,6 @@ def make_policy(name: PolicyName) -> Policy:
 
 
 def _make(name: PolicyName) -> Policy:
-    if name.process == "own":
-        return OwnProcess(name)
     load_entry_points()
     kind = name.text.partition(":")[0]
     if kind in FORMS:
@@ -169,8 +162,7 @@ def _make(name: PolicyName) -> Policy:
     if not name.text.endswith(".py"):
         built_in, arguments = _arguments(name.text)
         return POLICIES[built_in](**arguments)
-    module = module_of(Path(name.text))
-    maker = getattr(module, "make_policy", None)
+    maker = getattr(module_of(Path(name.text)), "make_policy", None)
     if not callable(maker):
         raise PolicyError(f"{name.text}: has no function make_policy() that returns a policy")
     policy: Any = maker()

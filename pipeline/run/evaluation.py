@@ -11,16 +11,12 @@ from pipeline.crew.loop import run
 from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
-from pipeline.evaluate.episode import start_of
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.hosting import host_policy
-from pipeline.evaluate.names import identify
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.run.identity.slot_keys import code_version, policy_version
-from pipeline.world.robots import get_embodiment
 
 EPISODE_SECONDS = 1800.0  # what one episode, or one seed of the expert, may take before its worker counts as hung
 LONGEST_NAME = 200  # characters of what a job is called in an error
@@ -34,12 +30,11 @@ def evaluation_version() -> str:
 def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str = "", **more: Any) -> Evaluation:
     """The evaluation of a policy in the cells of a recipe under a setup; `more` are other fields of an Evaluation.
 
-    The clock is that of the rules if none is named. Raises PolicyError for a server that does not answer.
+    The clock is that of the rules if none is named.
     """
-    start = start_of(get_embodiment(recipe.embodiments[0]), setup, PROMPT)
     return Evaluation(
         cells=tuple(recipe.cells()),
-        policy=identify(policy, start),
+        policy=policy,
         clock=parse_clock(clock or ("step-locked" if setup.rules == "domino" else "sim")),
         setup=setup,
         code=evaluation_version(),
@@ -49,7 +44,7 @@ def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str =
 
 @contextmanager
 def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
-    """The evaluation with its policy made once, in this process, for all workers of a crew: a batch waits `wait` seconds for more.
+    """The evaluation with its policy made once, in a process of its own, for all workers of a crew: a batch waits `wait` seconds for more.
 
     The same evaluation for None and for one worker. Raises PolicyError for workers on other machines, and as `host_policy`.
     """
@@ -59,7 +54,7 @@ def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Itera
     if crew.address is not None:
         raise PolicyError("--batch-wait is for workers on this machine: on a cluster, name a server of serve-policy --batch-wait")
     # a worker that was replaced may still hold its place
-    with host_policy(wanted.policy, wanted.setup, 2 * crew.workers, wait) as policy:
+    with host_policy(wanted.policy, 2 * crew.workers, wait) as policy:
         yield replace(wanted, policy=policy)
 
 

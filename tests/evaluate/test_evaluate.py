@@ -16,7 +16,7 @@ from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.slot_keys import code_version
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 from tests.run.command import PATIENCE, inside, start
 
 WANTED = ("--tasks", "click_bell", "--levels", "1,3", "--embodiment", "aloha", "--quiet")
@@ -107,7 +107,7 @@ def test_a_policy_without_cameras_opens_no_renderer(monkeypatch):
         raise AssertionError("a renderer was opened")
 
     monkeypatch.setattr("pipeline.evaluate.episode.Eyes", no_eyes)
-    assert "render" not in {name for name, seconds in episode("random", 1)["seconds_spent"].items() if seconds > 0.01}
+    assert episode("random", 1)["periods"] > 0
 
 
 def test_the_version_of_results_covers_the_code_that_evaluates():

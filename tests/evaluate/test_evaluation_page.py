@@ -1,6 +1,7 @@
 """The pages on evaluation and servers: examples run, and the tables of forms and messages are those of the code."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,12 @@ from pipeline.evaluate.names import FORMS, POLICIES, policy_name
 from pipeline.evaluate.policies.contract import Contract
 from pipeline.evaluate.policies.policy import PolicyError
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.serving.session import Domino, DominoSession
-from pipeline.evaluate.serving.wire import unpack
-from tests.evaluate.servers import NAMES, Echo
-from tests.evaluate.test_env import case_of
-from tests.evaluate.test_serving import ACT, HELLO, RESET
+from pipeline.evaluate.serving.client import full_message
+from pipeline.evaluate.serving.messages import BUSY, FAILED, INVALID, REFUSED
+from pipeline.evaluate.serving.session import ServerOptions, Session
+from tests.evaluate.environment.test_env import case_of
+from tests.evaluate.serving.servers import NAMES, Echo, look
+from tests.evaluate.serving.test_server import ACT, RESET
 
 DOCS = Path(__file__).parents[2] / "docs"
 TEXT, SERVER = ((DOCS / name).read_text() for name in ("evaluation.md", "policy_server.md"))
@@ -40,24 +42,31 @@ def test_every_form_of_a_policy_is_described():
     assert described >= {*FORMS, *POLICIES}
 
 
-def test_every_message_is_described():
-    table = SERVER.split("## The protocol")[1].split("## StarVLA")[0]
+def test_every_key_of_every_message_is_described():
+    page = SERVER.split("## The protocol")[1].split("## StarVLA")[0]
     rows = {
-        name: (sender, keys) for name, sender, keys in re.findall(r"^\| `(\w+)` \| (server|client) \|(.*)\|$", table, re.MULTILINE)
+        name: (sender, set(re.findall(r"`(\w+)`", keys)))
+        for name, sender, keys in re.findall(r"^\| (\w+) \| (server|client) \|(.*)\|$", page, re.MULTILINE)
     }
-    contract = Contract(NAMES, {"head_camera": (6, 8)}, 15, 2)
-    echo = Echo(contract)
+    echo = Echo(Contract(NAMES, {"head_camera": (6, 8)}, 15, 2))
     echo.inferences = 1
-    talk = DominoSession(echo, "echo")
-    spoken = [("server", talk.greeting())]
-    for message in (HELLO, RESET, ACT):
-        spoken += [("client", message), ("server", talk.answer(message))]
-    spoken.append(("server", unpack(Domino("echo").error("no", ""))))
-    assert [message["type"] for _, message in spoken] == list(rows)
-    for sender, message in spoken:
-        assert rows[message["type"]][0] == sender
-        keys = {*message, *message.get("contract", {})} - {"type"}
-        assert keys == set(re.findall(r"`(\w+)`", rows[message["type"]][1]))
+    session = Session(echo, ServerOptions("echo"))
+    metadata = session.metadata()
+    full = replace(look(1), depth={"head_camera": 1}, segmentation={"head_camera": 1}, pointcloud=ACT["state"], committed=[1])
+    spoken = [
+        ("metadata", metadata),
+        ("reset", {**RESET, **RESET["reset"]}),
+        ("ready", session.answer(RESET)),
+        ("observation", full_message(full)),
+        ("actions", answer := session.answer(ACT)),
+    ]
+    assert [name for name, _ in spoken] == list(rows)
+    for name, message in spoken:
+        assert set(message) == rows[name][1] - {"infer_ms"}
+    assert set(answer["server_timing"]) == {"infer_ms"}
+    described = re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (`[^|]*)\|", page.split("| key of `contract` |")[1], re.MULTILINE)))
+    assert set(described) == set(metadata["domino"]["contract"])
+    assert set(re.findall(r"^\| (\d+) \|", page, re.MULTILINE)) == set(map(str, (REFUSED, FAILED, INVALID, BUSY)))
 
 
 def test_the_environment_of_the_page_is_made():

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections import Counter
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from pipeline.data.atomic import write_atomic
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
+from pipeline.evaluate import asking
 from pipeline.evaluate.asking import load_once
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.evaluate import Evaluation, evaluate
@@ -20,7 +22,7 @@ from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, 
 from pipeline.evaluate.scenes.views import instruction_of
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 RECORDER = """
 import numpy as np
@@ -41,9 +43,9 @@ def make_policy():
 def recorder(tmp_path):
     path = tmp_path / "recorder.py"
     path.write_text(RECORDER)
-    load_once.cache_clear()
-    yield policy_name(str(path))
-    load_once.cache_clear()
+    asking._load.cache_clear()
+    yield replace(policy_name(str(path)), process="evaluator")
+    asking._load.cache_clear()
 
 
 def still(seed):

@@ -16,7 +16,7 @@ from pipeline.evaluate.names import policy_name
 from pipeline.evaluate.scenes.manifests import Manifest, Manifests, first_seed, inline
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.scoring.published import PUBLISHED
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 
 def test_a_strip_has_the_first_and_the_last_frame_at_its_ends():

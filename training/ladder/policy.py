@@ -53,11 +53,11 @@ class LadderForm:
     def name(self, text: str) -> PolicyName:
         """Raises PolicyError for a file that cannot be read or an option that does not exist."""
         given = parse_settings(text)
-        options = given.take("execute")
+        given.take("execute")
         path = Path(given.path)
         files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
         label = f"ladder:{path.stem}@{digest_of([*files, *CODE])}{given.text}"
-        return PolicyName(f"{given.kind}:{path.resolve()}" + (f"?execute={options['execute']}" if options else ""), label)
+        return PolicyName(given.at(path), label, process="evaluator")  # it is shown the simulation, and weights are data
 
     def make(self, text: str) -> Policy:
         """Raises PolicyError for a file that is no network, and for more actions than its chunk has."""

@@ -62,6 +62,8 @@ def evaluate(context: typer.Context, folder: Checkpoint) -> None:
         words += ["--cameras", ",".join(held.preprocessing.cameras)]
     elif not {"--like", "--manifest", "--recipe"} & {word.partition("=")[0] for word in context.args}:
         words += ["--like", str(held.path)]
+    if held.config.model.oracle:
+        words.append("--in-process")  # it is shown the simulation
     words += context.args
     if isinstance(code := domino(words, prog_name="puma eval", standalone_mode=False), int):
         raise typer.Exit(code)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.evaluate.serving.batching import Batcher
 from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
-from pipeline.evaluate.serving.session import Domino
+from pipeline.evaluate.serving.session import ServerOptions
 from training.puma import checkpoint
 from training.puma.errors import TrainError
 from training.puma.policy import PumaPolicy
@@ -39,7 +39,7 @@ def server(
         raise TrainError(f"{folder}: is told the truth about the target and cannot be served; run: puma eval {folder}")
     together = together or Together()
     policy = PumaPolicy.load(held.path, compiled=compiled, batch=together.rows)
-    return PolicyServer(Batcher(policy, together.wait).seat, Domino(label(folder, together.rows)), place, limits, tell)
+    return PolicyServer(Batcher(policy, together.wait).seat, ServerOptions(label(folder, together.rows)), place, limits, tell)
 
 
 def label(folder: Path, rows: int = 1) -> str:

@@ -5,8 +5,10 @@ are those of a setup, or in `contract`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict
 from typing import Any
+
+from pydantic.dataclasses import dataclass
 
 from pipeline.data.setup import INTERFACE, RecipeError, Setup, camera_name, option_of
 from pipeline.evaluate.lines import line_of_text
@@ -15,11 +17,12 @@ from pipeline.evaluate.policies.policy import LONGEST_CHUNK, Policy, PolicyError
 
 @dataclass(frozen=True)
 class Contract:
-    """None means: anything.
+    """What a policy was made for; None means: anything.
 
     `action_names` are the joints of state and action in their order; `image_sizes` the (height, width) of each camera that is
-    needed; `rate` actions a second; `chunk` the most actions in one answer; `normalization` who turns joints and images into what
-    a network takes, and its output back into joint targets: this evaluator never does, so it must be "policy".
+    needed; `rate` actions a second; `chunk` the most actions in one answer. The others have one value that an evaluation
+    accepts, GIVEN: the policy turns joints and images into what its network takes and the output back, actions are joint
+    targets, the policy keeps the past observations that it needs, and each episode has a seed.
     """
 
     action_names: tuple[str, ...] | None = None
@@ -27,40 +30,35 @@ class Contract:
     rate: int | None = None
     chunk: int | None = None
     normalization: str = "policy"
+    representation: str = "joints"
+    history: str = "policy"
+    seeds: str = "episode"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain data, without what is None."""
+        return {key: value for key, value in asdict(self).items() if value is not None}
 
 
-@dataclass(frozen=True)
-class Served:
-    """What an evaluation gives: every field of Contract has a value."""
-
-    action_names: tuple[str, ...]
-    rate: int
-    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    chunk: int = LONGEST_CHUNK
-    normalization: str = "policy"
+GIVEN = {"normalization": "policy", "representation": "joints", "history": "policy", "seeds": "episode"}
+"""What every evaluation gives."""
 
 
-def served(start: Start) -> Served:
-    """What an episode gives."""
-    return Served(start.action_names, start.fps, start.image_sizes)
-
-
-def mismatch(wanted: Contract, given: Served) -> str:
-    """One line that names both values of the first difference; "" if there is none."""
-    if wanted.normalization != given.normalization:
-        ours, theirs = line_of_text(wanted.normalization), line_of_text(given.normalization)
-        return f"normalization: the policy leaves it to the {ours}, the evaluation to the {theirs}"
-    if wanted.action_names is not None and wanted.action_names != given.action_names:
-        return f"action names: the policy has {_names(wanted.action_names)}, the evaluation {_names(given.action_names)}"
-    if wanted.rate is not None and wanted.rate != given.rate:
-        return f"control rate: the policy has {wanted.rate} Hz, the evaluation {given.rate} Hz: add --fps {wanted.rate}"
-    if wanted.chunk is not None and wanted.chunk > given.chunk:
-        return f"chunk size: the policy answers with {wanted.chunk} actions, the evaluation takes {given.chunk}"
+def mismatch(wanted: Contract, start: Start) -> str:
+    """One line that names both values of the first difference to an episode; "" if there is none."""
+    for key, ours in GIVEN.items():
+        if getattr(wanted, key) != ours:
+            return f"{key}: the policy has {line_of_text(getattr(wanted, key))}, the evaluation {ours}"
+    if wanted.action_names is not None and wanted.action_names != start.action_names:
+        return f"action names: the policy has {_names(wanted.action_names)}, the evaluation {_names(start.action_names)}"
+    if wanted.rate is not None and wanted.rate != start.fps:
+        return f"control rate: the policy has {wanted.rate} Hz, the evaluation {start.fps} Hz: add --fps {wanted.rate}"
+    if wanted.chunk is not None and wanted.chunk > LONGEST_CHUNK:
+        return f"chunk size: the policy answers with {wanted.chunk} actions, the evaluation takes {LONGEST_CHUNK}"
     for camera, size in (wanted.image_sizes or {}).items():
-        if camera not in given.image_sizes:
-            has = line_of_text(", ".join(given.image_sizes)) or "none"
+        if camera not in start.image_sizes:
+            has = line_of_text(", ".join(start.image_sizes)) or "none"
             return f"cameras: the policy needs {line_of_text(camera)}, the evaluation shows {has}: name it in --cameras"
-        if tuple(size) != tuple(has := given.image_sizes[camera]):
+        if tuple(size) != tuple(has := start.image_sizes[camera]):
             ours, theirs = (f"{width}x{height}" for height, width in (size, has))
             return f"image size of {line_of_text(camera)}: the policy has {ours}, the evaluation {theirs}: add --size {ours}"
     return ""
@@ -113,7 +111,7 @@ def check_contract(policy: Policy, start: Start) -> None:
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(wanted, Mapping):
         reason = f"the policy's contract is a {type(wanted).__name__}: make it a pipeline.evaluate.policies.contract.Contract"
-    if reason or (isinstance(wanted, Contract) and (reason := mismatch(wanted, served(start)))):
+    if reason or (isinstance(wanted, Contract) and (reason := mismatch(wanted, start))):
         raise PolicyError(reason)
 
 

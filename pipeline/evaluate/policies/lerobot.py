@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.evaluate.policies.contract import Contract, mismatch, served
+from pipeline.evaluate.policies.contract import Contract, mismatch
 from pipeline.evaluate.policies.files import digest_of
 from pipeline.evaluate.policies.fit import DATASET_CAMERAS
 from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start
@@ -54,7 +54,7 @@ class LerobotPolicy:
         """Begin an episode. Raises PolicyError if robot or cameras are not those of the policy."""
         import torch
 
-        given = served(start)
+        given = start
         sizes = self._wanted.image_sizes or {}
         if self._resize:
             given = replace(given, image_sizes={name: sizes.get(name, size) for name, size in given.image_sizes.items()})
@@ -118,8 +118,7 @@ class LerobotForm:
         if not (folder / "config.json").is_file():
             raise PolicyError(f"--policy {text}: has no config.json: give the directory that save_pretrained wrote")
         files = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors"))
-        absolute = text.replace(settings.path, str(folder.resolve()), 1)
-        return PolicyName(absolute, f"lerobot:{folder.resolve().name}@{digest_of(files)}")
+        return PolicyName(settings.at(folder), f"lerobot:{folder.resolve().name}@{digest_of(files)}")
 
     def make(self, text: str) -> Policy:
         """Load the policy. Raises PolicyError if it cannot be loaded."""

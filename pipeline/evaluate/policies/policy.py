@@ -10,14 +10,12 @@ in an attribute `inferences`: latency is charged for those. A policy that can an
 """
 
 import hashlib
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,10 +40,6 @@ class PolicyError(DominoError):
 
 class NoAnswer(PolicyError):
     """A policy that was ready and gave no answer: an error of its own, a lost connection, a time limit."""
-
-
-class Gone(NoAnswer):
-    """A policy that can answer nothing more: it must be made again."""
 
 
 @dataclass(frozen=True)
@@ -148,14 +142,14 @@ class SeesTruth(Protocol):
 
 @dataclass(frozen=True)
 class PolicyName:
-    """How a policy was asked for. `label` names it in results: a file carries a hash of its text. `probe` is a hash of how a server
-    answers a fixed question, "" for other policies. `process` is one of PROCESSES. What a policy in a process of its own
-    prints is appended to the file `prints`; without one it goes to standard error."""
+    """How a policy was asked for. `label` names it in results. `probe` is a hash of its answer to a fixed question, "" if it is not
+    asked. `process` is one of PROCESSES. What a policy in a process of its own prints is appended to the
+    file `prints`; without one it goes to standard error."""
 
     text: str
     label: str
     probe: str = ""
-    process: str = "evaluator"
+    process: str = "own"
     prints: Path | None = None
 
 
@@ -182,29 +176,6 @@ def count_inferences(policy: object) -> int | None:
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return None
     return int(count) if count >= 0 else None
-
-
-@contextmanager
-def staying() -> Iterator[None]:
-    """Within the block or function `os._exit` and `os.exec...` raise SystemExit in this process: foreign code ends no run as if it
-    were done.
-
-    Processes that foreign code forks still end as they want.
-    """
-    own, leaving = os.getpid(), {name: getattr(os, name) for name in ("_exit", "execv", "execve")}
-
-    def refuse(name: str, *arguments: object) -> NoReturn:
-        if os.getpid() != own:
-            leaving[name](*arguments)
-        raise SystemExit(f"exit code {arguments[0]} (os._exit)" if name == "_exit" else f"os.{name}({arguments[0]})")
-
-    for name in leaving:
-        setattr(os, name, partial(refuse, name))
-    try:
-        yield
-    finally:
-        for name, leave in leaving.items():
-            setattr(os, name, leave)
 
 
 def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:

@@ -176,6 +176,19 @@ def _meeting_plan(trial: Trial, at: Pose, velocity: Floats) -> Rehearsal | None:
     return plan
 
 
+class Still:
+    """Holds the joints it begins with: what an episode is worth to a policy that does nothing."""
+
+    def reset(self, start: Start) -> None:
+        """Forget the last episode."""
+        self._at: Floats | None = None
+
+    def act(self, observation: Observation) -> ArrayLike:
+        """The first measured joints."""
+        self._at = observation.joints if self._at is None else self._at
+        return self._at
+
+
 class Random:
     """A random walk of the drive targets; grippers open and close."""
 

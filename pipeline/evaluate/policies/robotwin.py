@@ -112,8 +112,7 @@ class RobotwinForm:
         settings = parse_settings(text)
         folder = directory_of(settings)
         files = files_of(folder, user_arguments(settings, {}))
-        absolute = text.replace(settings.path, str(folder), 1)
-        return PolicyName(absolute, f"robotwin:{folder.name}@{digest_of(files)}{settings.text}")
+        return PolicyName(settings.at(folder), f"robotwin:{folder.name}@{digest_of(files)}{settings.text}")
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError."""

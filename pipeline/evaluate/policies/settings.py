@@ -1,6 +1,7 @@
 """Names of policies that live in files: KIND:PATH?key=value&key=value."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
@@ -10,16 +11,21 @@ from pipeline.evaluate.policies.policy import PolicyError
 
 @dataclass(frozen=True)
 class Settings:
-    """A path and options; values are read as YAML (3, 0.5, true, text)."""
+    """A path and options; values are read as YAML (3, 0.5, true, text). `query` are the options as they were written."""
 
     kind: str
     path: str
     options: dict[str, Any] = field(default_factory=dict)
+    query: str = ""
 
     @property
     def text(self) -> str:
         """The options as they were written, sorted."""
         return "".join(f",{key}={value}" for key, value in sorted(self.options.items()))
+
+    def at(self, path: Path) -> str:
+        """The name with an absolute path, as any process finds it."""
+        return f"{self.kind}:{path.resolve()}{self.query and f'?{self.query}'}"
 
     def take(self, *known: str) -> dict[str, Any]:
         """The options. Raises PolicyError for one that is not known."""
@@ -40,4 +46,4 @@ def parse_settings(text: str) -> Settings:
         raise PolicyError(f"--policy {text!r}: write options as {kind}:PATH?key=value&key=value") from error
     if not path:
         raise PolicyError(f"--policy {text!r}: write {kind}:PATH")
-    return Settings(kind, path, options)
+    return Settings(kind, path, options, query)

@@ -114,7 +114,7 @@ class XPolicyLabForm:
         """Check that the file is there. Raises PolicyError."""
         settings = parse_settings(text)
         path = Path(settings.path).resolve()
-        return PolicyName(text.replace(settings.path, str(path), 1), f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}")
+        return PolicyName(settings.at(path), f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}")
 
     def make(self, text: str) -> Policy:
         """The policy. Raises PolicyError."""

@@ -12,8 +12,6 @@ from pipeline.evaluate.policies.policy import PolicyError
 TOKEN = "DOMINO_POLICY_TOKEN"
 """The environment variable that holds the token, on both sides: a command line can be read by everybody on the machine."""
 
-_LABEL = r"[A-Za-z0-9_]([A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
-
 
 @dataclass(frozen=True)
 class Address:
@@ -23,6 +21,11 @@ class Address:
     host: str
     port: int
     options: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def scheme(self) -> str:
+        """What stands before the colon."""
+        return self.text.partition(":")[0]
 
     def url(self, scheme: str) -> str:
         """The address with another scheme and without options."""
@@ -38,16 +41,16 @@ class Address:
             raise PolicyError(f"--policy {self.text}: {option}={value} is not a whole number from 1 to 999999")
         return int(value)
 
-    def label(self) -> str:
-        """How the policy there is named in results: by its option `label`, else by its address; and by its other options.
-
-        Raises PolicyError for a label that is no word.
+    def label(self, told: str | None = None) -> str:
+        """How the policy there is named in results: by its option `label`, else as the server told, else by its address; and by
+        its other options. Raises PolicyError for a label that is no word.
         """
-        scheme, given = self.text.partition(":")[0], self.options.get("label")
+        given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
             raise PolicyError(f"--policy {self.text!r}: a label has up to 80 letters, digits and _.@+-")
         others = "".join(f",{key}={value}" for key, value in sorted(self.options.items()) if key != "label")
-        return f"{scheme}:{given}{others}" if given else f"{self.url(scheme)}{others}"
+        name = f"{self.scheme}:{given}" if given else f"ws:{told}" if told else self.url(self.scheme)
+        return f"{name}{others}"
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
@@ -58,23 +61,18 @@ def parse_address(text: str, port: int | None = None, options: tuple[str, ...] =
         query = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
     except ValueError as error:
         raise PolicyError(f"--policy {text!r}: {error}; write SCHEME://HOST:PORT") from error
-    if not host or given is None or parts.path not in ("", "/") or parts.username is not None or parts.fragment:
+    if (
+        not host
+        or given is None
+        or not text.isprintable()
+        or parts.path not in ("", "/")
+        or parts.username is not None
+        or parts.fragment
+    ):
         raise PolicyError(f"--policy {text!r} is no address: write {parts.scheme}://HOST:PORT")
-    if not is_host(host):
-        raise PolicyError(f"--policy {text!r}: {host!r} is no name of a machine and no IP address")
     if unknown := sorted(set(query) - set(options)):
         raise PolicyError(f"--policy {text}: option {unknown[0]!r} is unknown: options are {', '.join(options) or '(none)'}")
     return Address(text, host, given, query)
-
-
-def is_host(host: str) -> bool:
-    """Whether a text can be the name of a machine (ASCII labels of up to 63 characters) or is an IP address."""
-    bare = re.sub(r"%[A-Za-z0-9_.-]+$", "", host)
-    try:
-        ipaddress.ip_address(bare)
-    except ValueError:
-        return len(host) <= 253 and bool(re.fullmatch(rf"{_LABEL}(\.{_LABEL})*\.?", host, re.ASCII))
-    return "%" not in bare
 
 
 def is_loopback(host: str) -> bool:

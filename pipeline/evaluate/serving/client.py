@@ -1,226 +1,251 @@
-"""A policy on a server that speaks this project's protocol: --policy ws://HOST:PORT or wss://HOST:PORT."""
+"""A policy behind messages: on a server (ws://, wss://, openpi://), or in a process of its own."""
 
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
+from pipeline.data.names import EXPORTED_CAMERAS
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
-from pipeline.evaluate.policies.contract import difference, mismatch, served
+from pipeline.evaluate.policies.fit import first_rows, pad_to_square
 from pipeline.evaluate.policies.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, chunk_of
-from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
 from pipeline.evaluate.serving.address import Address, parse_address, token
-from pipeline.evaluate.serving.session import PROTOCOL, VERSION, contract_of, setup_keys, text
-from pipeline.evaluate.serving.socket import ANSWER_SECONDS, CONNECT_SECONDS, Lost, Socket, retry_connect
-from pipeline.evaluate.serving.wire import WireError
+from pipeline.evaluate.serving.messages import MessageError, pack, unpack
+from pipeline.evaluate.serving.session import VERSION, Episode, Offer
+from pipeline.evaluate.serving.websocket import Link, Lost, Unreachable, WebSocket
 
-SCHEMES = ("ws", "wss")
-FAULTS: dict[str, type[DominoError]] = {INVALID_ACTION: ActionError, NO_ANSWER: NoAnswer}
-"""What a server's error is here, by its `fault`."""
+ANSWER_SECONDS = 300.0
+"""What one answer may take by default: the first one often compiles a model."""
+
+REOPEN_SECONDS = 30.0
+"""How long a server that answered before may be away, or at work on an answer that this client gave up waiting for."""
+
+SIZE = 224
+"""Pixels of the square images of openpi's servers."""
 
 
-class Occupied(PolicyError):
-    """The server has no place for another client."""
+SCHEMES = ("ws", "wss", "openpi")
 
 
-class Channel(Protocol):
-    """What carries messages to a policy and back. Every failure is a PolicyError or an ActionError."""
+class Remote(Policy, Protocol):
+    """A policy that another process answers for. An answer is waited for `seconds`, which may be changed at any time."""
 
-    def ask(self, message: Mapping[str, Any]) -> dict[Any, Any]:
-        """Send a message and wait for the answer. Raises Lost if the connection has ended."""
-        ...
-
-    def receive(self, seconds: float, /) -> dict[Any, Any]:
-        """The next message."""
-        ...
+    seconds: float
 
     def close(self) -> None:
-        """End the connection."""
+        """End the connection, without waiting for anything."""
         ...
 
 
-class Client(ABC):
-    """A policy behind this project's protocol. The connection is opened at the first reset, and again where it was lost between
-    episodes. `prefix` begins the messages of its errors."""
+class Bridge(Remote, Protocol):
+    """A policy on a server of another protocol."""
 
-    refusal: type[PolicyError] = PolicyError
-    """What a connection raises that begins with an error."""
+    def greet(self) -> None:
+        """Ask the server for a sign of life. Raises PolicyError."""
+        ...
 
-    def __init__(self, prefix: str) -> None:
-        self._prefix, self._length = prefix, 0
-        self._socket: Channel | None = None
-        self._greeted: tuple[object, ...] | None = None
-        self.inferences: object = None
 
-    @abstractmethod
-    def _connect(self) -> Channel:
-        """Open a connection. Raises PolicyError."""
+def open_again[T](opening: Callable[[], T]) -> T:
+    """What `opening` returns, tried again for REOPEN_SECONDS: a server may be started again. Raises NoAnswer."""
+    until = time.monotonic() + REOPEN_SECONDS
+    while True:
+        try:
+            return opening()
+        except Unreachable as error:
+            if time.monotonic() > until:
+                raise NoAnswer(str(error)) from error
+            time.sleep(0.2)
 
-    def _fail(self) -> None:
-        """The policy answered a question with an error."""
-        self.close()
+
+class Client:
+    """A policy behind a connection, which is opened at once, and again where it was lost between episodes.
+
+    Has the `contract` and the `setup` that the server offers. A server without an offer is one of openpi's own, with the
+    observations of ALOHA: images are squares of `size` pixels, and the first `execute` rows of a chunk are executed. `prefix`
+    begins the messages of its errors. Raises PolicyError.
+    """
+
+    def __init__(self, opening: Callable[[], Link], prefix: str = "", execute: int | None = None, size: int = SIZE) -> None:
+        self._opening, self._prefix, self._execute, self._size = opening, prefix, execute, size
+        self.seconds, self.inferences = ANSWER_SECONDS, None
+        self.metadata, self._offer = dict[Any, Any](), cast(Offer | None, None)
+        self.contract, self.setup = cast(Any, None), cast(Any, None)
+        self._link: Link | None = None
+        self._start: Start | None = None
+        self._accepted, self._asked = False, 0
+        self._open()
+
+    @property
+    def label(self) -> str | None:
+        """What the server calls its policy, None if it does not say."""
+        name = self.metadata.get("policy")
+        return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Greet the server, once for all episodes of one robot, and begin an episode. Raises PolicyError."""
-        same = (start.embodiment, start.action_names, start.setup, tuple(start.image_sizes.items()))
-        if self._socket is not None and same == self._greeted:
-            try:
-                return self._begin(self._socket, start)
-            except Lost:
-                self._socket.close()
-        elif self._socket is not None:
-            self._socket.close()
-        self._socket, self._greeted = None, None
-        socket, offer = self._open_again() if self._length else self._open()
+        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first one."""
+        self._start = start
         try:
-            self._greet(socket, offer, start)
-            self._begin(socket, start)
-        except DominoError:
-            socket.close()
+            self._begin(start)
+        except NoAnswer:
             raise
-        self._socket, self._greeted, self._length = socket, same, len(start.action_names)
+        except PolicyError as error:
+            if self._accepted:
+                raise NoAnswer(str(error)) from error
+            raise
+        self._accepted = True
 
     def act(self, observation: Observation) -> ArrayLike:
-        """Ask for a chunk. Raises PolicyError."""
-        if self._socket is None:
+        """Ask for a chunk (H,A). Raises ActionError or NoAnswer."""
+        if self._start is None:
             raise PolicyError(f"{self._prefix}asked before reset")
-        message = {
-            "type": "act",
-            "time": observation.time,
-            "joints": np.asarray(observation.joints, np.float64),
-            "images": dict(observation.images),
-        }
-        if observation.depth:
-            message["depth"] = dict(observation.depth)
-        if observation.segmentation:
-            message["segmentation"] = dict(observation.segmentation)
-        if observation.pointcloud is not None:
-            message["pointcloud"] = observation.pointcloud
-        if observation.committed is not None and len(observation.committed):
-            message["committed"] = np.asarray(observation.committed, np.float64)
-        try:
-            told = self._socket.ask(message)
-        except DominoError:
-            self.close()
-            raise
-        try:
-            self._expect(told, "actions")
-        except DominoError:
-            self._fail()
-            raise
-        answer, self.inferences = told.get("actions"), told.get("inferences")
-        if not isinstance(answer, np.ndarray):
-            raise ActionError(f"{self._prefix}actions is a {type(answer).__name__}, not an array")
-        return chunk_of(answer, self._length)
+        answer = self._ask(full_message(observation) if self._offer is not None else plain_message(observation, self._size))
+        actions, self.inferences = answer.get("actions"), answer.get("inferences")
+        if not isinstance(actions, np.ndarray):
+            held = line_of_text(", ".join(map(str, answer)))[:200] or "nothing"
+            raise ActionError(f"{self._prefix}the answer has no array actions, but {held}")
+        return chunk_of(first_rows(actions, self._execute), len(self._start.action_names))
 
     def close(self) -> None:
-        """End the connection."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket, self._greeted = None, None
+        """End the connection, without waiting for anything."""
+        if self._link is not None:
+            self._link.close()
+        self._link = None
 
-    def _open_again(self) -> tuple[Channel, dict[object, object]]:
-        """As `_open`, after the connection was lost."""
-        return self._open()
-
-    def _open(self) -> tuple[Channel, dict[object, object]]:
-        socket = self._connect()
+    def _begin(self, start: Start) -> None:
+        if self._offer is None:
+            self.close()  # an episode of openpi's servers is a connection
         try:
-            offer = socket.receive(CONNECT_SECONDS)
-            if offer.get("type") == "error":
-                raise self.refusal(f"{self._prefix}{line_of_text(offer.get('reason'))}")
-            if offer.get("protocol") != PROTOCOL:
-                raise PolicyError(
-                    f"{self._prefix}speaks another protocol: give openpi://HOST:PORT or starvla://HOST:PORT for theirs"
-                )
-            if offer.get("version") != VERSION:
-                raise PolicyError(
-                    f"{self._prefix}protocol version: the server speaks {str(offer.get('version'))[:20]}, this client {VERSION}"
-                )
-        except DominoError:
-            socket.close()
-            raise
-        return socket, offer
+            if self._link is not None:
+                return self._say_reset(start)
+        except Lost:
+            self.close()
+        open_again(self._open)
+        self._say_reset(start)
 
-    def _greet(self, socket: Channel, offer: dict[object, object], start: Start) -> None:
-        given = served(start)
+    def _say_reset(self, start: Start) -> None:
+        if self._offer is not None:
+            self._ask({"reset": Episode.of(start).model_dump()})
+
+    def _ask(self, message: Mapping[str, Any]) -> dict[Any, Any]:
+        if self._link is None:
+            raise Lost(f"{self._prefix}the connection is closed")
+        self._asked += 1
         try:
-            reason = mismatch(contract_of(offer.get("contract")), given)
-            reason = reason or difference(setup_keys(offer.get("setup", {})), start.setup)
-        except WireError as error:
+            answer = unpack(self._link.ask(pack({**message, **self._identity()}), self.seconds))
+        except MessageError as error:
+            self.close()
+            raise ActionError(f"{self._prefix}{error}") from error
+        if self._offer is not None and answer.get("id") != self._asked:
+            self.close()  # what arrives answers other questions
+            raise Lost(f"{self._prefix}answered another question")
+        return answer
+
+    def _identity(self) -> dict[str, int]:
+        """What a server that knows it repeats in its answer."""
+        return {"id": self._asked} if self._offer is not None else {}
+
+    def _open(self) -> None:
+        link = self._opening()
+        try:
+            self.metadata = unpack(link.greet())
+            self._offer = self._read_offer(self.metadata.get("domino"))
+        except MessageError as error:
+            link.close()
             raise PolicyError(f"{self._prefix}{error}") from error
-        if reason:
-            raise PolicyError(f"{self._prefix}{reason}")
-        hello = {
-            "type": "hello",
-            "version": VERSION,
-            "embodiment": start.embodiment,
-            "action_names": list(given.action_names),
-            "rate": given.rate,
-            "image_sizes": {name: list(size) for name, size in given.image_sizes.items()},
-            "chunk": given.chunk,
-            "normalization": given.normalization,
-            "setup": start.setup.given(),
-        }
-        self._expect(socket.ask(hello), "welcome")
+        except DominoError:
+            link.close()
+            raise
+        self._link = link
 
-    def _begin(self, socket: Channel, start: Start) -> None:
-        self._expect(socket.ask({"type": "reset", "instruction": start.instruction, "seed": start.seed}), "ready")
-
-    def _expect(self, message: dict[object, object], kind: str) -> dict[object, object]:
-        """The message, if it is of this kind. Raises PolicyError with the server's reason, or for another kind."""
-        if message.get("type") == "error":
-            reason, fault = line_of_text(message.get("reason")), FAULTS.get(str(message.get("fault")))
-            # the policy's own fault reads as in one process, wherever the policy is
-            raise PolicyError(f"{self._prefix}{reason}") if fault is None else fault(reason)
-        if message.get("type") != kind:
-            raise PolicyError(f"{self._prefix}answered {str(message.get('type'))[:40]!r} instead of {kind!r}")
-        return message
+    def _read_offer(self, value: object) -> Offer | None:
+        if value is None:
+            return None
+        version = value.get("version") if isinstance(value, dict) else None
+        if version != VERSION:
+            theirs = line_of_text(version)[:20]
+            raise PolicyError(f"{self._prefix}protocol version: the server speaks {theirs}, this client {VERSION}")
+        offer = Offer.read(value)
+        self.contract, self.setup = offer.contract, offer.keys()
+        return offer
 
 
-class Remote(Client):
-    """A policy over the network."""
-
-    refusal = Occupied
-
-    def __init__(self, address: Address) -> None:
-        self._url = address.url(address.text.partition(":")[0])
-        super().__init__(f"{self._url}: ")
-
-    def label(self) -> str:
-        """What the server calls its policy. Raises PolicyError if it cannot be reached."""
-        socket, offer = self._open()
-        socket.close()
-        return text(offer, "policy")
-
-    def _connect(self) -> Channel:
-        secret = token()
-        return Socket(self._url, {"Authorization": f"Bearer {secret}"} if secret else None)
-
-    def _open_again(self) -> tuple[Channel, dict[object, object]]:
-        """As `_open`, of a server that may still be at work on the answer that this client gave up waiting for."""
-        until = time.monotonic() + ANSWER_SECONDS
-        while True:
-            try:
-                return retry_connect(self._open)
-            except Occupied as error:
-                if time.monotonic() > until:
-                    raise NoAnswer(str(error)) from error
-                time.sleep(0.2)
+def full_message(observation: Observation) -> dict[str, Any]:
+    """An observation for servers that know "reset"."""
+    message: dict[str, Any] = {
+        "state": np.asarray(observation.joints, np.float64),
+        "images": dict(observation.images),
+        "prompt": observation.instruction,
+        "time": observation.time,
+    }
+    parts = {"depth": dict(observation.depth), "segmentation": dict(observation.segmentation)}
+    message |= {name: part for name, part in parts.items() if part}
+    if observation.pointcloud is not None:
+        message["pointcloud"] = observation.pointcloud
+    if observation.committed is not None and len(observation.committed):
+        message["committed"] = np.asarray(observation.committed, np.float64)
+    return message
 
 
-class RemoteForm:
-    """The form ws://HOST:PORT of a policy's name. The server is asked at once what it serves: that is the label in results."""
+def plain_message(observation: Observation, size: int) -> dict[str, Any]:
+    """An observation as openpi's policies for ALOHA take it: images (3,S,S) by exported names."""
+    images = {
+        EXPORTED_CAMERAS[name]: np.ascontiguousarray(pad_to_square(image, size).transpose(2, 0, 1))
+        for name, image in observation.images.items()
+    }
+    return {"state": np.asarray(observation.joints, np.float32), "images": images, "prompt": observation.instruction}
+
+
+@dataclass(frozen=True)
+class BridgeForm:
+    """The name of a policy on a server of another protocol, KIND://HOST:PORT?option=value: the client that speaks it, its usual
+    port, and the options that the client takes besides `label`."""
+
+    client: Callable[[Address], Bridge]
+    port: int
+    options: tuple[str, ...]
 
     def name(self, text: str) -> PolicyName:
-        """Connect and ask. Raises PolicyError."""
-        return PolicyName(text, f"ws:{Remote(parse_address(text)).label()}")
+        """Check that the server is there. Raises PolicyError."""
+        address = self._address(text)
+        client = self.client(address)
+        client.greet()
+        client.close()
+        return PolicyName(text, address.label(), process="server")
 
     def make(self, text: str) -> Policy:
         """The client."""
-        return Remote(parse_address(text))
+        return self.client(self._address(text))
+
+    def _address(self, text: str) -> Address:
+        return parse_address(text, self.port, (*self.options, "label"))
+
+
+class ServerForm:
+    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name; the server says at once what it serves."""
+
+    OPTIONS = ("execute", "size", "label")
+
+    def name(self, text: str) -> PolicyName:
+        """Connect and ask. Raises PolicyError."""
+        client, address = self.make(text), self._address(text)
+        client.close()
+        return PolicyName(text, address.label(client.label), process="server")
+
+    def make(self, text: str) -> Client:
+        """The client. Raises PolicyError."""
+        address = self._address(text)
+        url = address.url("wss" if address.scheme == "wss" else "ws")
+        secret = token()
+        # openpi's servers call it an API key, and ours take both
+        headers = {"Authorization": f"Api-Key {secret}"} if secret else {}
+        opening = partial(WebSocket, url, headers)
+        return Client(opening, f"{url}: ", address.number("execute"), address.number("size", SIZE) or SIZE)
+
+    def _address(self, text: str) -> Address:
+        return parse_address(text, 8000 if text.startswith("openpi:") else None, self.OPTIONS)

@@ -1,37 +1,37 @@
-"""Distinguishes served policies by a hash of a server's metadata and of its answer to a fixed question."""
+"""Tells policies of one name apart by a hash of their answer to a fixed question, and of a server's metadata."""
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.errors import DominoError
-from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, PolicyName, Start, chunk_of
-from pipeline.evaluate.serving.wire import pack
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.policies.policy import NoAnswer, Observation, Policy, PolicyError, PolicyName, Start, attribute, chunk_of
+from pipeline.evaluate.serving.messages import pack
 
 PROMPT = "hold still"
 
 
 def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
-    """The name of a served policy with its probe; the label carries the probe unless the user gave a label.
+    """The name of a policy with its probe; the label carries the probe unless the user gave a label.
 
-    The question is asked in two episodes. Raises PolicyError if the two answers differ, or if there is none, unless the user
-    gave a label: then that is what names the policy.
+    The question is asked in two episodes, and what is the same in both counts. Raises PolicyError if the policy refuses them,
+    and if an address is all that would name a policy that answers differently each time, or not at all.
     """
-    labelled = "label=" in name.text
+    anonymous = "://" in name.label
     try:
         first, second = ask(policy, start), ask(policy, start)
-    except DominoError as error:
-        if labelled:
+    except (ActionError, NoAnswer) as error:
+        if not anonymous:
             return name
         raise PolicyError(f"{name.text}: gives no answer by which to know it ({error}): name it with ?label=NAME") from error
-    finally:
-        getattr(policy, "close", lambda: None)()
-    if first[1] != second[1] and not labelled:
+    if first[1] != second[1] and anonymous:
         raise PolicyError(f"{name.text}: answers the same question differently each time: name it with ?label=NAME")
-    same = [a for a, b in zip(first, second, strict=True) if a == b]
-    probe = hashlib.sha256(b"|".join(same)).hexdigest()[:8] if same else ""
-    return PolicyName(name.text, name.label if labelled else f"{name.label}@{probe}", probe)
+    probe = hashlib.sha256(b"|".join(a for a, b in zip(first, second, strict=True) if a == b)).hexdigest()[:8]
+    if "label=" in name.text:
+        return replace(name, probe=probe)
+    return replace(name, label=f"{name.label}{'.' if '@' in name.label else '@'}{probe}", probe=probe)
 
 
 def ask(policy: Policy, start: Start) -> tuple[bytes, bytes]:
@@ -40,10 +40,9 @@ def ask(policy: Policy, start: Start) -> tuple[bytes, bytes]:
     Raises what the policy raises."""
     policy.reset(start)
     images = {camera: _pattern(*size) for camera, size in start.image_sizes.items()}
-    chunk = chunk_of(
-        policy.act(Observation(np.zeros(len(start.action_names)), start.instruction, 0.0, images)), len(start.action_names)
-    )
-    return pack(dict(getattr(policy, "metadata", {}))), chunk.tobytes()
+    joints = np.zeros(len(start.action_names))
+    chunk = chunk_of(policy.act(Observation(joints, start.instruction, 0.0, images)), len(joints))
+    return pack(dict(attribute(policy, "metadata") or {})), chunk.tobytes()
 
 
 def _pattern(height: int, width: int) -> NDArray[np.uint8]:

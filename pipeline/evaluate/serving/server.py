@@ -1,13 +1,15 @@
 """A policy server: one policy behind a WebSocket, for evaluators on this machine or with a token on others.
 
-A client has `Limits.open_seconds` for the HTTP request and for its first message, and `idle_seconds` for every other one. Tokens
-are checked before the WebSocket is opened, messages before anything is made from them. Whatever one client sends, the next is
-served. GET /healthz answers OK.
+A client has `Limits.open_seconds` for the HTTP request and for its first message, and `idle_seconds`
+for every other one. Tokens are checked before the WebSocket is opened, messages before anything is made
+from them. An error is sent as text, then the connection closes with a code of messages.py, as openpi's
+servers do. Whatever one client sends, the next is served. GET /healthz answers OK.
 """
 
 import asyncio
 import hmac
 import logging
+import re
 import signal
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -20,17 +22,11 @@ from websockets.http11 import Request, Response
 
 from pipeline.data.errors import DominoError
 from pipeline.data.reading import printable
-from pipeline.evaluate.actions import ActionError
-from pipeline.evaluate.lines import line_of
-from pipeline.evaluate.policies.policy import NoAnswer, Policy
-from pipeline.evaluate.scenes.trial import INVALID_ACTION, NO_ANSWER
-from pipeline.evaluate.serving.address import TOKEN, is_host, is_loopback
+from pipeline.evaluate.policies.policy import Policy
+from pipeline.evaluate.serving.address import TOKEN, is_loopback
 from pipeline.evaluate.serving.batching import Seat
-from pipeline.evaluate.serving.session import Language, Session
-from pipeline.evaluate.serving.wire import LARGEST, WireError, pack, unpack
-
-BAD_MESSAGE, FAILED, BUSY = 1008, 1011, 1013
-"""Close codes: the client's fault, the policy's, nobody's."""
+from pipeline.evaluate.serving.messages import BUSY, LARGEST, REFUSED, pack
+from pipeline.evaluate.serving.session import ServerOptions, Session, guarded, respond
 
 
 class ServeError(DominoError):
@@ -39,10 +35,9 @@ class ServeError(DominoError):
 
 @dataclass(frozen=True)
 class Limits:
-    """`clients` are served at the same time, each by a policy or a seat of its own; a message has at most `largest` bytes."""
+    """`clients` are served at the same time, each by a policy or a seat of its own."""
 
     clients: int = 1
-    largest: int = LARGEST
     open_seconds: float = 10.0
     idle_seconds: float = 600.0
 
@@ -56,7 +51,7 @@ class Place:
     token: str | None = None
 
     def __post_init__(self) -> None:
-        if not is_host(self.host):
+        if not re.fullmatch(r"[A-Za-z0-9_.:%-]{1,253}", self.host, re.ASCII):
             raise ServeError(f"--host {self.host!r} is no name of this machine and no IP address")
         if self.token is None and not is_loopback(self.host):
             raise ServeError(
@@ -67,17 +62,17 @@ class Place:
 
 
 class PolicyServer:
-    """Serves policies made by `make`, the first of them made before a port is opened, in a `language`."""
+    """Serves policies made by `make`, the first of them made before a port is opened."""
 
     def __init__(
         self,
         make: Callable[[], Policy],
-        language: Language,
+        options: ServerOptions,
         place: Place,
         limits: Limits | None = None,
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
-        self._make, self._language, self._place, self._tell = make, language, place, tell
+        self._make, self._options, self._place, self._tell = make, options, place, tell
         self._limits = limits or Limits()
         self._free, self._places = [make()], asyncio.Semaphore(self._limits.clients)
         self.port = 0
@@ -111,7 +106,7 @@ class PolicyServer:
             ping_interval=20,
             ping_timeout=60,
             close_timeout=2,
-            max_size=self._limits.largest,
+            max_size=LARGEST,
             max_queue=2,
             logger=quiet,
         ) as server:
@@ -138,21 +133,22 @@ class PolicyServer:
 
     async def _handle(self, connection: ServerConnection) -> None:
         """One client from its first to its last message."""
+        policy = None
         try:
             # the last client may have left this very moment
             async with asyncio.timeout(min(2.0, self._limits.open_seconds)):
                 await self._places.acquire()
         except TimeoutError:
-            await self._end(connection, "busy: give evaluate --workers 1, start the server with more --clients, or try later", BUSY)
-            return
-        policy = None
+            busy = "busy: give evaluate --workers 1, start the server with more --clients, or try later"
+            return await self._end(connection, busy, BUSY)
         try:
-            policy = self._free.pop() if self._free else await asyncio.to_thread(call_policy, self._make)
-            await self._talk(connection, self._language.session(policy))
+            made = self._free.pop() if self._free else await asyncio.to_thread(guarded, self._make)
+            if isinstance(made, tuple):
+                return await self._end(connection, *made)
+            policy = made
+            await self._end(connection, *await self._talk(connection, Session(policy, self._options)))
         except (ConnectionClosed, TimeoutError):
             return
-        except DominoError as error:
-            await self._end(connection, str(error), FAILED)
         finally:
             self._places.release()
             if isinstance(policy, Seat):
@@ -160,55 +156,31 @@ class PolicyServer:
             if policy is not None:
                 self._free.append(policy)
 
-    async def _talk(self, connection: ServerConnection, session: Session) -> None:
-        await self._send(connection, pack(session.greeting()))
+    async def _talk(self, connection: ServerConnection, session: Session) -> tuple[str, int]:
+        """Answer messages until one has no answer; why not, and a close code."""
+        answer = guarded(lambda: pack(session.metadata()))
         seconds = self._limits.open_seconds
-        while True:
+        while isinstance(answer, bytes):
+            # a client that does not read loses its place
+            async with asyncio.timeout(self._limits.open_seconds):
+                await connection.send(answer)
             try:
                 async with asyncio.timeout(seconds):
                     data = await connection.recv()
             except TimeoutError:
-                await self._end(connection, f"no whole message in {seconds:g} s", BAD_MESSAGE)
-                return
+                return f"no whole message in {seconds:g} s", REFUSED
             seconds = self._limits.idle_seconds
-            try:
-                answer = await asyncio.to_thread(call_policy, lambda data=data: self._answer(session, data))
-            except WireError as error:
-                return await self._end(connection, str(error), BAD_MESSAGE)
-            except DominoError as error:
-                return await self._end(connection, str(error), FAILED, fault_of(error))
-            await self._send(connection, answer)
+            answer = await asyncio.to_thread(respond, session, data)
+        return answer
 
-    def _answer(self, session: Session, data: bytes | str) -> bytes:
-        return pack(session.answer(unpack(data, self._limits.largest)))
-
-    async def _send(self, connection: ServerConnection, data: bytes | str) -> None:
-        """Send, unless the client does not read. Raises TimeoutError then."""
-        async with asyncio.timeout(self._limits.open_seconds):
-            await connection.send(data)
-
-    async def _end(self, connection: ServerConnection, reason: str, code: int, fault: str = "") -> None:
+    async def _end(self, connection: ServerConnection, reason: str, code: int) -> None:
         # a reason may hold what an unknown client sent: no terminal and no log may obey it
         reason = printable(reason)
         self._tell(f"a client's connection ended: {reason}")
         try:
-            await self._send(connection, self._language.error(reason, fault))
-            # a close frame holds at most 123 bytes of reason
-            await connection.close(code, reason.encode()[:120].decode(errors="ignore"))
+            async with asyncio.timeout(self._limits.open_seconds):
+                await connection.send(reason)
+                # a close frame holds at most 123 bytes of reason
+                await connection.close(code, reason.encode()[:120].decode(errors="ignore"))
         except (ConnectionClosed, TimeoutError):
             return
-
-
-def fault_of(error: DominoError) -> str:
-    """How an episode ends by an error of its policy; "" for a refusal."""
-    return {ActionError: INVALID_ACTION, NoAnswer: NO_ANSWER}.get(type(error), "")
-
-
-def call_policy[R](work: Callable[[], R]) -> R:
-    """What the work returns. Raises NoAnswer for any error of a policy's code, so that it ends its client and not the server."""
-    try:
-        return work()
-    except (DominoError, WireError):
-        raise
-    except BaseException as error:
-        raise NoAnswer(line_of(error)) from error

@@ -1,252 +1,293 @@
-"""The server's side of this project's own protocol, without the network: messages in, messages out.
+"""The server's side of the protocol, without a network: messages in, messages out.
 
-server                                              client
-offer     protocol, version, policy, contract, setup
-                                                    hello   version, embodiment, action_names, rate, image_sizes, chunk,
-                                                            normalization, setup
-welcome
-                                                    reset   instruction, seed
-ready
-                                                    act     time, joints (A,), images {camera: (H,W,3) uint8},
-                                                            committed (N,A) where there are some
-actions   actions (A,) or (H,A)
-error     reason, fault (how the episode ends where the policy failed: invalid_action, no_answer), then the connection is closed
+    server    metadata, a map: "policy" (its label), "domino" (Offer)
+    client    {"reset": Episode, "id": n}                           of clients that know "domino"
+    server    {"id": n}
+    client    {"state": (A,), "images": {camera: image}, "prompt": text, "time": s, "id": n, ...}
+    server    {"actions": (H,A), "server_timing": {"infer_ms"}, "inferences": n, "id": n}
+
+This is openpi's protocol; "reset", "id" and what an observation holds besides state, images and prompt
+are ours. openpi's own clients send no "reset": they have one robot, images (3,H,W) or (H,W,3) by exported
+names, and an episode begins with a new prompt, or where the robot stands at home although the last
+answer did not take it there; or after every N questions.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from pipeline.data.clock import DEFAULT_FPS
+from pipeline.data.errors import DominoError
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
-from pipeline.evaluate.policies.contract import Contract, Served, declared, difference, mismatch, plain
-from pipeline.evaluate.policies.policy import Observation, Policy, PolicyError, Start, chunk_of, count_inferences
-from pipeline.evaluate.serving.wire import WireError, pack
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.lines import line_of, line_of_text
+from pipeline.evaluate.policies.contract import Contract, check_contract, declared, plain
+from pipeline.evaluate.policies.fit import DATASET_CAMERAS
+from pipeline.evaluate.policies.policy import (
+    NoAnswer,
+    Observation,
+    Policy,
+    Start,
+    attribute,
+    chunk_of,
+    count_inferences,
+    policy_seed,
+)
+from pipeline.evaluate.serving.messages import FAILED, INVALID, REFUSED, MessageError, pack, unpack
+from pipeline.world.robots import get_embodiment
 
-PROTOCOL, VERSION = "domino-policy", 1
-LONGEST_TEXT = 2000
-MOST_NAMES = 256
+VERSION = 2
+AT_HOME, LEFT_HOME = 0.03, 0.1
+"""rad or m; a robot within AT_HOME of home whose last answer kept farther than LEFT_HOME from it was put there."""
+
+type Size = tuple[int, int]
 
 
-class Session(Protocol):
-    """One connection to a policy."""
+class _Message(BaseModel):
+    """A part of a message; unknown keys are refused."""
 
-    def greeting(self) -> dict[str, Any]:
-        """What the server sends first."""
-        ...
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-    def answer(self, message: dict[Any, Any]) -> dict[str, Any]:
-        """The answer to a message. Raises WireError for one that cannot be answered, PolicyError if the policy refuses."""
-        ...
+    @classmethod
+    def read(cls, value: object) -> Self:
+        """The part in plain data. Raises MessageError, which names the key, for anything else."""
+        try:
+            return cls.model_validate(value)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(str(part)[:80] for part in first["loc"])
+            raise MessageError(line_of_text(f"{cls.__name__.lower()}: {key}: {first['msg']}")) from error
 
 
-class Language(Protocol):
-    """A protocol that a server can speak."""
+def _with_normalization(contract: object) -> object:
+    if not isinstance(contract, dict) or "normalization" not in contract:
+        raise ValueError('has no normalization: send "policy" if the server turns joints and images into what its network takes')
+    return contract
 
-    def session(self, policy: Policy) -> Session:
-        """A policy behind this protocol."""
-        ...
 
-    def error(self, reason: str, fault: str) -> bytes | str:
-        """How the reason for ending a connection is sent; `fault` is one of FAULTS where the policy failed, else ""."""
-        ...
+class Offer(_Message):
+    """The interface of a policy, in its server's metadata under "domino"."""
+
+    version: int
+    contract: Annotated[Contract, BeforeValidator(_with_normalization)]
+    setup: dict[str, Any] = Field(default_factory=dict)
+    """The keys of a setup that the policy was made for."""
+
+    def keys(self) -> dict[str, Any]:
+        """The keys of `setup` with their values as a Setup has them. Raises MessageError."""
+        setup = _setup_of(self.setup)
+        return {key: getattr(setup, key) for key in INTERFACE if key in self.setup}
+
+
+class Episode(_Message):
+    """What a client says at the beginning of an episode, under "reset"."""
+
+    prompt: str = Field(max_length=2000)
+    embodiment: str = Field(max_length=200)
+    action_names: tuple[str, ...] = Field(min_length=1, max_length=256)
+    rate: int = Field(gt=0, le=1000)
+    image_sizes: dict[str, tuple[int, int]] = Field(max_length=16)
+    seed: int = Field(ge=0)
+    setup: dict[str, Any] = Field(default_factory=dict)
+
+    @classmethod
+    def of(cls, start: Start) -> Self:
+        """The message for a start."""
+        return cls(
+            prompt=start.instruction,
+            embodiment=start.embodiment,
+            action_names=start.action_names,
+            rate=start.fps,
+            image_sizes=dict(start.image_sizes),
+            seed=start.seed,
+            setup=start.setup.given(),
+        )
+
+    def start(self) -> Start:
+        """What a policy receives. Raises MessageError."""
+        cameras = tuple(self.image_sizes)
+        common = (self.prompt, self.embodiment, self.action_names, self.rate, cameras, self.seed)
+        return Start(*common, self.image_sizes, _setup_of(self.setup))
 
 
 @dataclass(frozen=True)
-class Domino:
-    """This project's protocol; `label` names the policy in results."""
+class ServerOptions:
+    """How a policy is named in results, and what is assumed of clients that send no "reset": their robot,
+    and the number of questions of an episode; with 0 its end is recognised."""
 
     label: str
-
-    def session(self, policy: Policy) -> Session:
-        """A policy behind this protocol."""
-        return DominoSession(policy, self.label)
-
-    def error(self, reason: str, fault: str) -> bytes:
-        """An error message."""
-        return pack({"type": "error", "reason": reason, "fault": fault})
+    embodiment: str = "aloha-agilex"
+    reset_every: int = 0
 
 
-class DominoSession:
-    """A policy behind this project's protocol, for one client."""
+class Session:
+    """A policy for one connection, which may hold many episodes."""
 
-    def __init__(self, policy: Policy, label: str) -> None:
-        self._policy, self._label = policy, label
-        found = getattr(policy, "contract", None)
-        self._contract = found if isinstance(found, Contract) else Contract()
-        self._hello: tuple[str, Served, Setup] | None = None
+    def __init__(self, policy: Policy, options: ServerOptions) -> None:
+        self._policy, self._options = policy, options
         self._start: Start | None = None
+        self._guessed = _Guessed(options)
 
-    def greeting(self) -> dict[str, Any]:
-        """The offer."""
-        contract = {key: value for key, value in asdict(self._contract).items() if value is not None}
-        offer = {"type": "offer", "protocol": PROTOCOL, "version": VERSION, "policy": self._label, "contract": contract}
-        return offer | {"setup": plain(declared(self._policy))}
+    def metadata(self) -> dict[str, Any]:
+        """What the server sends first. Raises PolicyError if the policy's own code fails."""
+        found = attribute(self._policy, "contract")
+        contract = found if isinstance(found, Contract) else Contract()
+        setup = plain(declared(self._policy))
+        offer = {"version": VERSION, "contract": contract.to_dict(), "setup": setup}
+        return {"policy": self._options.label, "domino": offer}
 
-    def answer(self, message: dict[Any, Any]) -> dict[str, Any]:
-        """See the protocol above."""
-        match message.get("type"):
-            case "hello":
-                self._greet(message)
-                return {"type": "welcome"}
-            case "reset":
-                self._reset(message)
-                return {"type": "ready"}
-            case "act":
-                actions, inferences = self._act(message), count_inferences(self._policy)
-                counted = {} if inferences is None else {"inferences": inferences}
-                return {"type": "actions", "actions": actions, **counted}
-            case other:
-                raise WireError(f"message type {str(other)[:40]!r} is unknown: send hello, reset or act")
+    def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
+        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the policy raises."""
+        echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
+        if "reset" in message:
+            self._begin(Episode.read(message["reset"]).start())
+            return echo
+        began = time.perf_counter()
+        whole = "time" in message
+        observation = self._observation(message) if whole else self._plain_observation(message)
+        actions = chunk_of(self._policy.act(observation), len(observation.joints))
+        self._guessed.note(actions)
+        inferences = count_inferences(self._policy)
+        counted = {} if inferences is None else {"inferences": inferences}
+        timing = {"infer_ms": 1000 * (time.perf_counter() - began)}
+        return {"actions": actions, "server_timing": timing, **counted, **echo}
 
-    def _greet(self, message: Mapping[Any, Any]) -> None:
-        if message.get("version") != VERSION:
-            raise PolicyError(f"protocol version: the server speaks {VERSION}, the client {str(message.get('version'))[:20]}")
-        given = Served(
-            action_names=names(message, "action_names"),
-            rate=count(message, "rate"),
-            image_sizes=sizes(message.get("image_sizes")),
-            chunk=count(message, "chunk"),
-            normalization=text(message, "normalization"),
-        )
-        setup = setup_of(message.get("setup", {"fps": given.rate}))
-        if reason := mismatch(self._contract, given) or difference(declared(self._policy), setup):
-            raise PolicyError(reason)
-        self._hello, self._start = (text(message, "embodiment"), given, setup), None
+    def _begin(self, start: Start) -> None:
+        self._start = None
+        check_contract(self._policy, start)
+        self._policy.reset(start)
+        self._start = start
 
-    def _reset(self, message: Mapping[Any, Any]) -> None:
-        if self._hello is None:
-            raise WireError("reset before hello")
-        embodiment, given, setup = self._hello
-        self._start = Start(
-            instruction=text(message, "instruction"),
-            embodiment=embodiment,
-            action_names=given.action_names,
-            fps=given.rate,
-            cameras=tuple(given.image_sizes),
-            seed=count(message, "seed"),
-            image_sizes=given.image_sizes,
-            setup=setup,
-        )
-        self._policy.reset(self._start)
-
-    def _act(self, message: Mapping[Any, Any]) -> NDArray[np.float64]:
-        if self._start is None:
-            raise WireError("act before reset")
-        time, start = message.get("time"), self._start
-        if not isinstance(time, int | float) or not 0 <= time < 1e6:
-            raise WireError("time is no number of seconds")
-        joints = array(message.get("joints"), "joints", (len(start.action_names),), "f")
-        found = message.get("images")
-        if not isinstance(found, dict) or found.keys() != start.image_sizes.keys():
-            raise WireError(f"images are not those of hello: {', '.join(start.image_sizes) or 'none'}")
-        images = {name: array(found[name], f"image {name}", (*size, 3), "u") for name, size in start.image_sizes.items()}
-        depth, bodies = (self._maps(message.get(n, {}), n, kind) for n, kind in (("depth", "d"), ("segmentation", "u")))
+    def _observation(self, message: Mapping[Any, Any]) -> Observation:
+        """The observation of a client that sends "reset"."""
+        start, seconds = self._start, message["time"]
+        if start is None:
+            raise MessageError("an observation before reset")
+        if not isinstance(seconds, int | float) or not 0 <= seconds < 1e6:
+            raise MessageError("time is no number of seconds")
+        sizes, names = start.image_sizes, len(start.action_names)
+        images = {c: array(image, f"image {c}", (*sizes[c], 3), "u1") for c, image in _maps(message, "images", sizes)}
+        depth = {c: array(image, f"depth {c}", sizes[c], "u2") for c, image in _maps(message, "depth", sizes)}
+        bodies = {c: array(image, f"bodies {c}", sizes[c], "u1") for c, image in _maps(message, "segmentation", sizes)}
+        if images.keys() != sizes.keys():
+            raise MessageError(f"images are not those of reset: {', '.join(sizes) or 'none'}")
         cloud = message.get("pointcloud")
         if cloud is not None:
-            cloud = array(cloud, "pointcloud", (len(cloud) if isinstance(cloud, np.ndarray) else 0, 6), "f")
-        committed = message.get("committed", np.empty((0, len(joints))))
-        committed = array(committed, "committed", (len(committed) if isinstance(committed, np.ndarray) else 0, len(joints)), "f")
-        seen = (images, depth, bodies, cloud, committed.astype(np.float64))
-        observation = Observation(joints.astype(np.float64), start.instruction, float(time), *seen)
-        return chunk_of(self._policy.act(observation), len(start.action_names))
+            cloud = array(cloud, "pointcloud", (_length(cloud), 6), "f")
+        committed = message.get("committed", np.empty((0, names)))
+        committed = array(committed, "committed", (_length(committed), names), "f").astype(np.float64)
+        state = array(message.get("state"), "state", (names,), "f").astype(np.float64)
+        return Observation(state, start.instruction, float(seconds), images, depth, bodies, cloud, committed)
 
-    def _maps(self, found: object, what: str, kind: str) -> dict[str, NDArray[Any]]:
-        """An array (H,W) for each camera, or none at all."""
-        sizes = self._start.image_sizes if self._start else {}
-        if not isinstance(found, dict) or (found and found.keys() != sizes.keys()):
-            raise WireError(f"{what} is not that of the cameras of hello: {', '.join(sizes) or 'none'}")
-        return {name: array(found[name], f"{what} {name}", tuple(size), kind) for name, size in sizes.items() if found}
-
-
-def text(message: Mapping[Any, Any], key: str) -> str:
-    """A text of a message. Raises WireError for anything else."""
-    value = message.get(key)
-    if not isinstance(value, str) or len(value) > LONGEST_TEXT:
-        raise WireError(f"{key} is no text of at most {LONGEST_TEXT} characters")
-    return value
-
-
-def count(message: Mapping[Any, Any], key: str) -> int:
-    """A whole number from 0 of a message. Raises WireError for anything else."""
-    value = message.get(key)
-    if type(value) is not int or value < 0:
-        raise WireError(f"{key} is no whole number from 0")
-    return value
+    def _plain_observation(self, message: Mapping[Any, Any]) -> Observation:
+        """The observation of openpi's own clients; its time counts control periods of the chunks answered so far."""
+        prompt, robot = message.get("prompt"), get_embodiment(self._options.embodiment)
+        if not isinstance(prompt, str) or len(prompt) > 2000:
+            raise MessageError("prompt is no text of at most 2000 characters")
+        names, images = robot.vector_names, _plain_images(message.get("images"))
+        state = array(message.get("state"), "state", (len(names),), "f").astype(np.float64)
+        sizes = {name: (image.shape[0], image.shape[1]) for name, image in images.items()}
+        if self._start is not None and dict(self._start.image_sizes) != sizes:
+            raise MessageError("images are of other cameras or sizes than before")
+        if self._start is None or self._guessed.is_new(prompt, state, self._start):
+            seed = policy_seed(prompt, robot.name)
+            self._begin(Start(prompt, robot.name, names, DEFAULT_FPS, tuple(sizes), seed, sizes))
+            self._guessed = _Guessed(self._options)
+        return Observation(state, prompt, self._guessed.periods / DEFAULT_FPS, images)
 
 
-def names(message: Mapping[Any, Any], key: str) -> tuple[str, ...]:
-    """A list of texts of a message. Raises WireError for anything else."""
-    value = message.get(key)
-    if (
-        not isinstance(value, list)
-        or not 0 < len(value) <= MOST_NAMES
-        or not all(isinstance(v, str) and len(v) < 200 for v in value)
-    ):
-        raise WireError(f"{key} is no list of at most {MOST_NAMES} names")
-    return tuple(value)
+class _Guessed:
+    """Guesses where the episodes of a client without "reset" begin."""
+
+    def __init__(self, options: ServerOptions) -> None:
+        self._options = options
+        self._asked = self.periods = 0
+        self._last = np.empty((0, 0))
+
+    def note(self, actions: NDArray[np.float64]) -> None:
+        """A question was answered with this chunk (H,A)."""
+        self._asked, self.periods, self._last = self._asked + 1, self.periods + len(actions), actions
+
+    def is_new(self, prompt: str, state: NDArray[np.float64], start: Start) -> bool:
+        """Whether another episode has begun since the last answer."""
+        if self._options.reset_every:
+            return self._asked >= self._options.reset_every
+        if prompt != start.instruction:
+            return True
+        return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME
+
+    def _from_home(self, rows: NDArray[np.float64]) -> float:
+        """How near (rad or m, the joint that is farthest) any of joint vectors (N,A) is to the robot's home."""
+        arms = get_embodiment(self._options.embodiment).arms.values()
+        home = np.array([value for arm in arms for value in (*arm.home, np.nan)])  # wherever the grippers are
+        return float(np.nanmax(np.abs(rows - home), axis=1).min())
 
 
-def sizes(value: object) -> dict[str, tuple[int, int]]:
-    """(height, width) by camera. Raises WireError for anything else."""
-    if not isinstance(value, dict) or len(value) > 16:
-        raise WireError("image_sizes is no map of at most 16 cameras")
-    out: dict[str, tuple[int, int]] = {}
-    for name, size in value.items():
-        good = isinstance(size, list) and len(size) == 2 and all(type(n) is int and 0 < n <= 4096 for n in size)
-        if not isinstance(name, str) or len(name) > 100 or not good:
-            raise WireError("image_sizes is no map from cameras to [height, width]")
-        out[name] = (size[0], size[1])
-    return out
+def respond(session: Session, data: bytes | str) -> bytes | tuple[str, int]:
+    """The packed answer to a packed message, or the reason and the code for which it has none."""
+    return guarded(lambda: pack(session.answer(unpack(data))))
 
 
-def setup_of(value: object) -> Setup:
-    """The setup of an evaluation. Raises WireError for anything else."""
-    if not isinstance(value, dict):
-        raise WireError("setup is no map")
+def guarded[T](work: Callable[[], T]) -> T | tuple[str, int]:
+    """What the work returns, or why not and a close code, whatever a policy's code raises."""
     try:
-        return Setup.parse(value)
-    except RecipeError as error:
-        raise WireError(str(error)) from error
-
-
-def setup_keys(value: object) -> dict[str, Any]:
-    """The keys of a setup that a policy is made for. Raises WireError for anything else."""
-    setup = setup_of(value)
-    return {key: getattr(setup, key) for key in INTERFACE if isinstance(value, dict) and key in value}
-
-
-KINDS = {"f": ("f", 8, "floats"), "u": ("u", 1, "uint8"), "d": ("u", 2, "uint16")}
-"""Kinds of arrays in messages: NumPy's kind, most bytes of an item, and what it is called."""
+        return work()
+    except ActionError as error:
+        return str(error), INVALID
+    except NoAnswer as error:
+        return str(error), FAILED
+    except DominoError as error:
+        return str(error), REFUSED
+    except BaseException as error:  # noqa: BLE001 (a policy that raises ends its client, not the server)
+        return line_of(error), FAILED
 
 
 def array(value: object, what: str, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """An array of this shape, of a kind of KINDS, finite. Raises WireError for anything else."""
-    wanted, most, called = KINDS[kind]
-    if (
-        not isinstance(value, np.ndarray)
-        or value.shape != shape
-        or value.dtype.kind != wanted
-        or value.itemsize > most
-        or (kind == "d" and value.itemsize != most)
-    ):
+    """An array of this shape and kind: "f" (floats), "u1" or "u2". Raises MessageError for anything else."""
+    kinds = (value.dtype.kind, value.dtype.str[1:]) if isinstance(value, np.ndarray) else ()
+    if not isinstance(value, np.ndarray) or value.shape != tuple(shape) or kind not in kinds:
         found = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
-        raise WireError(f"{what} is {found}, not an array of {called} {shape}")
+        called = {"f": "floats", "u1": "uint8", "u2": "uint16"}[kind]
+        raise MessageError(f"{what} is {found}, not an array of {called} {tuple(shape)}")
     if kind == "f" and not np.isfinite(value).all():
-        raise WireError(f"{what} is not finite")
+        raise MessageError(f"{what} is not finite")
     return value
 
 
-def contract_of(value: object) -> Contract:
-    """The contract in an offer. Raises WireError for anything else."""
-    if not isinstance(value, dict):
-        raise WireError("the contract is no map")
-    return Contract(
-        action_names=names(value, "action_names") if "action_names" in value else None,
-        image_sizes=sizes(value["image_sizes"]) if "image_sizes" in value else None,
-        rate=count(value, "rate") if "rate" in value else None,
-        chunk=count(value, "chunk") if "chunk" in value else None,
-        normalization=text(value, "normalization"),
-    )
+def _length(value: object) -> int:
+    return len(value) if isinstance(value, np.ndarray) and value.ndim else 0
+
+
+def _maps(message: Mapping[Any, Any], key: str, sizes: Mapping[str, Size]) -> list[tuple[str, Any]]:
+    """The arrays of a message by camera. Raises MessageError for other cameras than those of reset."""
+    found = message.get(key, {})
+    if not isinstance(found, dict) or not found.keys() <= sizes.keys():
+        raise MessageError(f"{key} are not those of reset: {', '.join(sizes) or 'none'}")
+    return list(found.items())
+
+
+def _setup_of(values: Mapping[str, Any]) -> Setup:
+    try:
+        return Setup.parse(values)
+    except RecipeError as error:
+        raise MessageError(str(error)) from error
+
+
+def _plain_images(found: object) -> dict[str, NDArray[np.uint8]]:
+    """Images (H,W,3) by the names of our cameras, from (3,H,W) or (H,W,3) by exported names."""
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise MessageError("images is no map from cameras to arrays")
+    out = dict[str, NDArray[np.uint8]]()
+    for name, image in found.items():
+        name = str(name)
+        rgb = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3
+        if not rgb or 3 not in (image.shape[0], image.shape[2]):
+            raise MessageError(f"image {name[:40]} is no array (3,H,W) or (H,W,3) of uint8")
+        hwc = image.transpose(1, 2, 0) if image.shape[0] == 3 else image
+        out[DATASET_CAMERAS.get(name, name)] = np.ascontiguousarray(hwc)
+    return out

@@ -10,12 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.data.errors import DominoError
-from pipeline.evaluate.names import policy_name
-from pipeline.evaluate.policies.contract import served
+from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError, Start
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.serving.address import parse_address
-from pipeline.evaluate.serving.client import Remote
 from pipeline.evaluate.serving.server import Place
 from tests.training.puma.test_train import SIZES, seen, start
 from tests.training.puma.tiny import config_of
@@ -45,8 +42,8 @@ def test_a_served_policy_answers_as_the_local_one(run: Path):
     thread.start()
     try:
         assert up.wait(10)
-        remote = Remote(parse_address(f"ws://127.0.0.1:{served_here.port}"))
-        assert remote.label() == label(run) and label(run).startswith("puma:test-1@")
+        remote = make_policy(policy_name(f"ws://127.0.0.1:{served_here.port}"))
+        assert remote.label == label(run) and label(run).startswith("puma:test-1@")
         remote.reset(start())
         local.reset(start())
         for k in range(4):
@@ -81,8 +78,8 @@ def test_an_oracle_is_not_served(dataset: Path, cache: Path, tmp_path: Path):
 
 def test_the_contract_is_that_of_the_data(run: Path):
     contract = PumaPolicy.load(run).contract
-    given = served(start())
-    assert (contract.action_names, contract.rate, contract.image_sizes) == (given.action_names, given.rate, given.image_sizes)
+    given = start()
+    assert (contract.action_names, contract.rate, contract.image_sizes) == (given.action_names, given.fps, given.image_sizes)
     assert parse_clock("sim").name == "sim" and "policy.py@" in policy_name(str(checkpoint.newest(run) / "policy.py")).label
 
 

@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 
 from pipeline.data.episode.file import open_episode
 from pipeline.evaluate.names import make_policy, policy_name
-from pipeline.evaluate.policies.contract import mismatch, served
+from pipeline.evaluate.policies.contract import mismatch
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from tests.synthetic import episode_path, vector_names
 from tests.training.puma.tiny import config_of, qwen_json
@@ -203,9 +203,9 @@ def test_the_file_of_a_checkpoint_is_a_policy(run: Path):
     path = checkpoint.newest(run) / "policy.py"
     policy = make_policy(policy_name(str(path)))
     contract = policy.contract  # pyright: ignore[reportAttributeAccessIssue]
-    assert mismatch(contract, served(start())) == ""
+    assert mismatch(contract, start()) == ""
     assert "image size of head_camera" in mismatch(
-        contract, served(Start("", "", contract.action_names, 15, (), 0, {**SIZES, "head_camera": (1, 1)}))
+        contract, Start("", "", contract.action_names, 15, (), 0, {**SIZES, "head_camera": (1, 1)})
     )
     policy.reset(start())
     first = policy.act(seen(0.0))

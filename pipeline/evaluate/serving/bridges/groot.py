@@ -9,6 +9,7 @@ OBSERVATION has "video" {camera: (1,1,H,W,3) uint8}, "state" {part: (1,1,D) floa
 """
 
 import io
+from tokenize import TokenError
 from typing import Any
 
 import msgpack
@@ -21,11 +22,12 @@ from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows
 from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
 from pipeline.evaluate.serving.address import Address, token
-from pipeline.evaluate.serving.wire import LARGEST, WireError, array_of, unpack
+from pipeline.evaluate.serving.client import ANSWER_SECONDS
+from pipeline.evaluate.serving.messages import LARGEST, MessageError, unpack
 
 PORT = 5555
 LANGUAGE = "annotation.human.action.task_description"
-ANSWER_MS, PING_MS = 300_000, 10_000
+PING_SECONDS = 10.0
 
 
 class GrootClient:
@@ -33,13 +35,14 @@ class GrootClient:
 
     def __init__(self, address: Address) -> None:
         self._text, self._url, self._execute = address.text, address.url("tcp"), address.number("execute")
+        self.seconds = ANSWER_SECONDS
         self._socket: Any = None
         self._parts: dict[str, slice] = {}
 
     def reset(self, start: Start) -> None:
         """Begin an episode. Raises PolicyError."""
         self._parts = parts_of(start.action_names)
-        self.ask("reset", {"options": None}, PING_MS)
+        self.ask("reset", {"options": None})
 
     def act(self, observation: Observation) -> ArrayLike:
         """A chunk (T,A). Raises PolicyError."""
@@ -49,7 +52,7 @@ class GrootClient:
             "state": {part: joints[None, None, at] for part, at in self._parts.items()},
             "language": {LANGUAGE: [[observation.instruction]]},
         }
-        answer = self.ask("get_action", {"observation": seen, "options": None}, ANSWER_MS)
+        answer = self.ask("get_action", {"observation": seen, "options": None})
         action = answer[0] if isinstance(answer, list) and answer else answer
         if not isinstance(action, dict):
             raise ActionError(f"{self._url}: the answer is a {type(action).__name__}, not a map of actions")
@@ -64,26 +67,26 @@ class GrootClient:
             raise ActionError(f"{self._url}: actions have the shapes {', '.join(str(row.shape) for row in rows)}, not (1,T,D)")
         return first_rows(np.concatenate([row[0] for row in rows], axis=1), self._execute)
 
-    def ask(self, endpoint: str, data: dict[str, Any] | None = None, milliseconds: int = PING_MS) -> Any:
+    def ask(self, endpoint: str, data: dict[str, Any] | None = None, seconds: float | None = None) -> Any:
         """The answer of an endpoint. Raises PolicyError if there is none in time, or if it is an error."""
         import zmq
 
-        socket = self._open()
+        socket, seconds = self._open(), seconds or self.seconds
         request: dict[str, Any] = {"endpoint": endpoint, **({"data": data} if data is not None else {})}
         if secret := token():
             request["api_token"] = secret
-        socket.setsockopt(zmq.RCVTIMEO, milliseconds)
+        socket.setsockopt(zmq.RCVTIMEO, max(1, round(1000 * seconds)))
         try:
             socket.send(msgpack.packb(request, default=_encode))
             # an answer may be a list, a message of ours is a map: it becomes one
             found = unpack(b"\x81\xa1a" + socket.recv(), decode=_decode)["a"]
         except zmq.Again as error:
             self.close()
-            raise NoAnswer(f"{self._url}: no answer to {endpoint} in {milliseconds / 1000:g} s") from error
+            raise NoAnswer(f"{self._url}: no answer to {endpoint} in {seconds:.3g} s") from error
         except zmq.ZMQError as error:
             self.close()
             raise NoAnswer(f"{self._url}: {error}") from error
-        except WireError as error:
+        except MessageError as error:
             self.close()
             raise ActionError(f"{self._url}: {error}") from error
         if isinstance(found, dict) and "error" in found:
@@ -93,7 +96,7 @@ class GrootClient:
     def greet(self) -> None:
         """Ping the server. Raises PolicyError."""
         try:
-            self.ask("ping")
+            self.ask("ping", seconds=PING_SECONDS)
         except ModuleNotFoundError as error:
             raise PolicyError(f"--policy {self._text} needs pyzmq: install domino-data[gr00t]") from error
 
@@ -108,7 +111,7 @@ class GrootClient:
 
         if self._socket is None:
             self._socket = zmq.Context.instance().socket(zmq.REQ)
-            for option, value in ((zmq.LINGER, 0), (zmq.SNDTIMEO, PING_MS), (zmq.MAXMSGSIZE, LARGEST)):
+            for option, value in ((zmq.LINGER, 0), (zmq.SNDTIMEO, round(1000 * PING_SECONDS)), (zmq.MAXMSGSIZE, LARGEST)):
                 self._socket.setsockopt(option, value)
             try:
                 self._socket.connect(self._url)
@@ -141,19 +144,16 @@ def _decode(values: dict[Any, Any]) -> Any:
         return values
     data = values.get("as_npy")
     if not isinstance(data, bytes):
-        raise WireError("an array has no file as_npy")
+        raise MessageError("an array has no file as_npy")
     return npy(data)
 
 
 def npy(data: bytes) -> NDArray[Any]:
-    """The array in an NPY file. Its header is checked against the bytes before anything is made; no pickles. Raises WireError."""
-    file = io.BytesIO(data)
+    """The numbers in an NPY file; no pickles. Raises MessageError."""
     try:
-        if np.lib.format.read_magic(file) != (1, 0):
-            raise WireError("an array's NPY file is not of version 1.0")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
-    except (ValueError, SyntaxError, EOFError) as error:
-        raise WireError(f"an array is no NPY file: {' '.join(str(error).split())[:200]}") from error
-    if not fortran:
-        return array_of(data[file.tell() :], dtype.str, list(shape))
-    return array_of(data[file.tell() :], dtype.str, list(shape)[::-1]).T
+        found = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, SyntaxError, TokenError, EOFError, OSError, MemoryError) as error:
+        raise MessageError(f"an array is no NPY file: {line_of_text(error)[:200]}") from error
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "biuf":
+        raise MessageError("an array is no NPY file of booleans, integers or floats")
+    return found

@@ -1,19 +1,21 @@
 """A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad).
 
-    server    {"action_keys": [text, ...], "available_unnorm_keys": [text, ...], "training_obs_image_size": [H, W], ...}
+    server    {"action_keys": [text, ...], "available_unnorm_keys", "training_obs_image_size": [H, W], ...}
     client    {"type": "predict_action", "request_id": text,
-               "payload": {"examples": [{"image": [(H,W,3) uint8, ...], "lang": text}], "unnorm_key": text, ...}}
-    server    {"status", "ok": true, "type": "inference_result", "request_id", "data": {"actions": (1,T,A)}}
+               "payload": {"examples": [{"image": [(H,W,3) uint8, ...], "lang": text}], "unnorm_key": text}}
+    server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
 
-The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are in the order head, left wrist,
-right wrist, scaled to the size of training without keeping their shape, as StarVLA does. Its own clients send no joints; with
-`state=true` they are sent in the order of `state_keys`, not normalised.
+The server's `action_keys` decide the order of its actions ("action.left_joints", ...). Images are in the
+order head, left wrist, right wrist, scaled to the size of training without keeping their shape, as StarVLA
+does. Its own clients send no joints; with `state=true` they are sent in the order of `state_keys`.
 
-Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the dataset_statistics.json of the checkpoint.
-With `history=LENGTH:STRIDE` every example also has `history_images` (history.py).
+Servers of before PR #318 answer with `normalized_actions`: `statistics=FILE` names the
+dataset_statistics.json of the checkpoint. With `history=LENGTH:STRIDE` every example also has
+`history_images` (history.py).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from math import gcd
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.parsing import ParseError, read_json
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows
@@ -29,8 +32,10 @@ from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError
 from pipeline.evaluate.serving.address import Address
 from pipeline.evaluate.serving.bridges.groot import parts_of
 from pipeline.evaluate.serving.bridges.history import History, HistorySettings
-from pipeline.evaluate.serving.bridges.statistics import Statistics, read_statistics
-from pipeline.evaluate.serving.socket import CONNECT_SECONDS, Socket, retry_connect
+from pipeline.evaluate.serving.client import ANSWER_SECONDS, open_again
+from pipeline.evaluate.serving.messages import MessageError, pack, unpack
+from pipeline.evaluate.serving.websocket import WebSocket
+from pipeline.poses import Floats
 
 PORT, SIZE = 10093, 224
 HISTORY = ("history", "history_mode", "history_size", "flow_size")
@@ -38,24 +43,27 @@ OPTIONS = ("unnorm_key", "execute", "size", "action_keys", "state", "statistics"
 SAMPLING = {"do_sample": False, "use_ddim": True, "num_ddim_steps": 10}
 """What StarVLA's own clients ask for."""
 
+BOUNDS = {"min_max": ("min", "max"), "q99": ("q01", "q99")}
+"""Names of the bounds in a statistics file that -1 and 1 stand for, by normalization."""
+
 
 class StarvlaClient:
-    """`unnorm_key` names the statistics by which the server turns its output into joint targets; see also OpenpiClient."""
+    """`unnorm_key` names the statistics by which the server turns its output into joint targets."""
 
     def __init__(self, address: Address) -> None:
-        self._url, self._key = address.url("ws"), address.options.get("unnorm_key")
+        self._url, self._options = address.url("ws"), address.options
         self._execute, self._size = address.number("execute"), address.number("size")
-        self._keys, self._sends_state = address.options.get("action_keys"), address.options.get("state", "false") == "true"
-        self._socket: Socket | None = None
-        self.inferences = 0
-        self._ready, self._piece = np.empty((0, 0)), 1
-        self._wanted, self._past = _history_of(address), None
-        self._statistics = None
-        if (path := address.options.get("statistics")) is not None:
-            self._statistics = read_statistics(Path(path), self._key, address.options.get("normalization", "min_max"))
-            self._raw_grippers = _one_of(address, "grippers", ("raw", "scaled")) == "raw"
-        self._order = self._state_order = np.empty(0, int)
+        self._link: WebSocket | None = None
+        self.seconds, self.inferences = ANSWER_SECONDS, 0
         self.metadata: dict[Any, Any] = {}
+        self._settings, self._past = _history_of(address), None
+        self._ready, self._piece = np.empty((0, 0)), 1
+        self._statistics: Statistics | None = None
+        if (path := address.options.get("statistics")) is not None:
+            kind = _one_of(address, "normalization", tuple(BOUNDS))
+            self._statistics = read_statistics(Path(path), self._options.get("unnorm_key"), kind)
+            self._scaled_grippers = _one_of(address, "grippers", ("raw", "scaled")) == "scaled"
+        self._order = self._state_order = np.empty(0, int)
 
     def reset(self, start: Start) -> None:
         """Open a connection: an episode is one. Raises PolicyError if the server's keys are not those of the robot."""
@@ -65,53 +73,60 @@ class StarvlaClient:
         if self._size is None and isinstance(size, list) and len(size) == 2 and all(type(n) is int and 0 < n < 4097 for n in size):
             self._shape = (size[0], size[1])
         self._ready = np.empty((0, 0))
-        if self._wanted is not None:
-            self._past = History(self._wanted, start.fps)
-        known = self.metadata.get("available_unnorm_keys")
-        if self._key and isinstance(known, list) and self._key not in known:
-            raise PolicyError(f"{self._url}: unnorm_key {self._key!r} is unknown to the server: it has {line_of_text(known)}")
-        keys = self._keys.split(",") if self._keys else self.metadata.get("action_keys")
-        self._order = self._indices("action", keys, start)
+        self._past = None if self._settings is None else History(self._settings, start.fps)
+        key, keys = self._options.get("unnorm_key"), self.metadata.get("available_unnorm_keys")
+        if key and isinstance(keys, list) and key not in keys:
+            raise PolicyError(f"{self._url}: unnorm_key {key!r} is unknown to the server: it has {line_of_text(keys)}")
+        given = self._options.get("action_keys")
+        order = given.split(",") if given else self.metadata.get("action_keys")
+        self._order = self._indices("action", order, start)
+        if self._options.get("state") == "true":
+            self._state_order = self._indices("state", self.metadata.get("state_keys", order), start)
         if self._statistics is not None:
-            self._statistics = self._check_statistics(start)
-        if self._sends_state:
-            self._state_order = self._indices("state", self.metadata.get("state_keys", keys), start)
+            self._statistics = self._check_statistics(self._statistics, start)
 
     def greet(self) -> None:
         """Open a connection and read the server's metadata. Raises PolicyError."""
         self.close()
-        self._socket = retry_connect(lambda: Socket(self._url)) if self.metadata else Socket(self._url)
-        self.metadata = self._socket.receive(CONNECT_SECONDS)
+        opening = partial(WebSocket, self._url)
+        self._link = open_again(opening) if self.metadata else opening()
+        self.metadata = self._read(self._link.greet())
 
     def act(self, observation: Observation) -> ArrayLike:
         """A chunk (T,A), or with a history as much of it as lies between two images that are kept. Raises PolicyError, or
         ActionError for an answer that is none."""
-        if self._past is not None and self._wanted is not None:
-            if not observation.images:
-                raise PolicyError(f"{self._url}: history is made of images: name --cameras")
-            self._past.add(observation.time, next(iter(observation.images.values())))
-            if not len(self._ready):
-                self._ready = self._infer(observation)
-                self._piece = gcd(self._wanted.stride, len(self._ready))
-            answer, self._ready = self._ready[: self._piece], self._ready[self._piece :]
-            return answer
-        return self._infer(observation)
+        if self._past is None or self._settings is None:
+            return self._infer(observation)
+        if not observation.images:
+            raise PolicyError(f"{self._url}: history is made of images: name --cameras")
+        self._past.add(observation.time, next(iter(observation.images.values())))
+        if not len(self._ready):
+            self._ready = self._infer(observation)
+            self._piece = gcd(self._settings.stride, len(self._ready))
+        answer, self._ready = self._ready[: self._piece], self._ready[self._piece :]
+        return answer
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._link is not None:
+            self._link.close()
+        self._link = None
 
     def _infer(self, observation: Observation) -> NDArray[Any]:
-        if self._socket is None:
+        if self._link is None:
             raise PolicyError(f"{self._url}: asked before reset")
         self.inferences += 1
         request = f"domino-{self.inferences}"
-        example: dict[str, Any] = {
-            "image": [squash(image, self._shape) for image in observation.images.values()],
-            "lang": observation.instruction,
-        }
+        images = [squash(image, self._shape) for image in observation.images.values()]
+        example: dict[str, Any] = {"image": images, "lang": observation.instruction}
         if self._past is not None:
             example["history_images"] = self._past.images()
-        if self._sends_state:
+        if self._options.get("state") == "true":
             example["state"] = np.asarray(observation.joints, np.float32)[self._state_order][None]
-        payload = {"examples": [example], **SAMPLING, **({"unnorm_key": self._key} if self._key else {})}
-        answer = self._socket.ask({"type": "predict_action", "request_id": request, "payload": payload})
+        key = self._options.get("unnorm_key")
+        payload = {"examples": [example], **SAMPLING, **({"unnorm_key": key} if key else {})}
+        message = {"type": "predict_action", "request_id": request, "payload": payload}
+        answer = self._read(self._link.ask(pack(message), self.seconds))
         if answer.get("request_id") != request:
             raise NoAnswer(f"{self._url}: answered request {line_of_text(answer.get('request_id'))[:40]} instead of {request}")
         if answer.get("ok") is not True:
@@ -127,29 +142,27 @@ class StarvlaClient:
         ours[:, self._order] = found
         return first_rows(ours, self._execute)
 
+    def _read(self, data: bytes) -> dict[Any, Any]:
+        try:
+            return unpack(data)
+        except MessageError as error:
+            self.close()
+            raise ActionError(f"{self._url}: {error}") from error
+
     def _actions(self, data: dict[Any, Any]) -> object:
-        """The actions of an answer, normalised ones where there are statistics. Raises ActionError for the other kind."""
-        wanted = "actions" if self._statistics is None else "normalized_actions"
-        if wanted not in data and "normalized_actions" in data:
+        """The actions of an answer, normalised ones if there are statistics. Raises ActionError for the other kind."""
+        if self._statistics is None and "actions" not in data and "normalized_actions" in data:
             raise ActionError(f"{self._url}: answers with normalized_actions: give ?statistics=dataset_statistics.json")
-        if wanted not in data and "actions" in data:
+        if self._statistics is not None and "normalized_actions" not in data and "actions" in data:
             raise ActionError(f"{self._url}: answers with joint targets: leave ?statistics out")
-        return data.get(wanted)
+        return data.get("actions" if self._statistics is None else "normalized_actions")
 
-    def _check_statistics(self, start: Start) -> Statistics:
-        """The statistics, grippers left as they are unless they are to be scaled. Raises PolicyError for those of another robot."""
-        assert self._statistics is not None
-        if len(self._statistics.low) != len(self._order):
-            raise PolicyError(f"{self._url}: the statistics have {len(self._statistics.low)} numbers, the robot {len(self._order)}")
+    def _check_statistics(self, statistics: "Statistics", start: Start) -> "Statistics":
+        """The statistics, grippers left as they are unless they are to be scaled. Raises PolicyError for another robot's."""
+        if len(statistics.low) != len(self._order):
+            raise PolicyError(f"{self._url}: the statistics have {len(statistics.low)} numbers, the robot {len(self._order)}")
         joint = np.array([not start.action_names[i].endswith("gripper") for i in self._order])
-        normalized = self._statistics.normalized & (joint | (not self._raw_grippers))
-        return replace(self._statistics, normalized=normalized)
-
-    def close(self) -> None:
-        """End the connection."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
+        return replace(statistics, normalized=statistics.normalized & (joint | self._scaled_grippers))
 
     def _indices(self, kind: str, keys: object, start: Start) -> NDArray[np.int64]:
         """The index in our joint vector of every number of the server's. Raises PolicyError for keys that are not the robot's."""
@@ -158,18 +171,48 @@ class StarvlaClient:
                 f"{self._url}: the server does not tell the order of its {kind}s: start it with an unnorm_key, or give "
                 f"?action_keys=left_joints,left_gripper,right_joints,right_gripper in its order"
             )
-        parts = parts_of(start.action_names)
-        names = [key.rpartition(".")[2] for key in keys]
+        parts, names = parts_of(start.action_names), [key.rpartition(".")[2] for key in keys]
         if sorted(names) != sorted(parts):
-            raise PolicyError(
-                f"{self._url}: {kind} keys: the server has {line_of_text(' '.join(names))}, the robot {' '.join(parts)}"
-            )
+            theirs = line_of_text(" ".join(names))
+            raise PolicyError(f"{self._url}: {kind} keys: the server has {theirs}, the robot {' '.join(parts)}")
         return np.concatenate([np.arange(parts[name].start, parts[name].stop) for name in names])
 
 
 def squash(image: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.uint8]:
     """The image (H,W,3) at another (height, width), whatever its proportions were."""
     return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Bounds (A,) of every number of an action, in the server's order, and which numbers (A,) are normalised at all."""
+
+    low: Floats
+    high: Floats
+    normalized: NDArray[np.bool_]
+
+    def joints(self, actions: NDArray[Any]) -> Floats:
+        """Joint targets (T,A) of normalised actions (T,A), which are clipped to [-1, 1]."""
+        values = np.clip(np.asarray(actions, float), -1, 1)
+        return np.where(self.normalized, self.low + (values + 1) / 2 * (self.high - self.low), values)
+
+
+def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
+    """The action statistics of a dataset_statistics.json: those of `key`, or the only ones there are. Raises PolicyError."""
+    try:
+        found = read_json(path)
+        keys = list(found)
+        chosen = key or (keys[0] if len(keys) == 1 else None)
+        if chosen not in keys:
+            raise PolicyError(f"{path}: has statistics of {line_of_text(', '.join(keys))}: give one as ?unnorm_key=")
+        action = found[chosen]["action"]
+        low, high = (np.asarray(action[name], float) for name in BOUNDS[kind])
+        normalized = np.asarray(action.get("mask", np.ones(low.shape, bool)), bool)
+    except (ParseError, TypeError, KeyError, ValueError, AttributeError) as error:
+        raise PolicyError(f"{path}: is no dataset_statistics.json of StarVLA: {line_of_text(error)}") from error
+    if low.ndim != 1 or not low.shape == high.shape == normalized.shape or not np.isfinite([low, high]).all():
+        raise PolicyError(f"{path}: the bounds of {chosen} are no lists of as many numbers")
+    return Statistics(low, high, normalized)
 
 
 def _one_of(address: Address, option: str, known: tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ from pipeline.evaluate.scenes.trial import SUCCESS, Trial
 from pipeline.evaluate.scenes.watch import Watch, with_frame
 from pipeline.stages.scene import build_scene
 from pipeline.tasks.outcome import Outcome
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 
 def block_log(heights):

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from pipeline.evaluate.policies.contract import Contract
-from pipeline.evaluate.policies.policy import Start
+from pipeline.evaluate.policies.policy import Observation, Start
 from pipeline.evaluate.serving.server import Limits, Place, PolicyServer
-from pipeline.evaluate.serving.session import Domino
+from pipeline.evaluate.serving.session import ServerOptions
 
 NAMES = (*(f"left_{n}" for n in range(6)), "left_gripper")
 START = Start("press the bell", "aloha-agilex", NAMES, 15, ("head_camera",), 7, {"head_camera": (6, 8)})
 
 
 class Echo:
-    """Answers with joints + the brightest pixel, twice; counts its episodes."""
+    """Answers with joints + the brightest pixel, twice; keeps the starts of its episodes."""
 
     def __init__(self, contract=None):
         self.contract, self.starts = contract or Contract(), []
@@ -32,11 +32,15 @@ class Echo:
         return np.repeat(observation.joints[None] + max(i.max() for i in observation.images.values()), 2, 0)
 
 
+def look(bright, at=1.0):
+    return Observation(np.arange(7.0), "press", at, {"head_camera": np.full((6, 8, 3), bright, np.uint8)})
+
+
 @contextmanager
-def serving(make: Callable[[], Any] = Echo, token=None, language=None, tell=lambda line: None, **limits):
+def serving(make: Callable[[], Any] = Echo, token=None, options=None, tell=lambda line: None, **limits):
     """The port of a server of policies, which must still be running at the end."""
-    wanted: dict[str, Any] = {"open_seconds": 10.0} | limits
-    server = PolicyServer(make, language or Domino("echo"), Place(port=0, token=token), Limits(**wanted), tell)
+    place = Place(port=0, token=token)
+    server = PolicyServer(make, options or ServerOptions("echo"), place, Limits(**limits), tell)
     loop, stop, up = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     thread = threading.Thread(target=loop.run_until_complete, args=(server.serve(stop, lambda port: up.set()),))
     thread.start()

@@ -2,13 +2,14 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
-from pipeline.evaluate.names import make_policy, policy_name
+from pipeline.evaluate.names import make_here, policy_name
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from pipeline.evaluate.policies.robotwin_env import RobotwinRobot
 from pipeline.evaluate.policies.turns import Turns
@@ -19,7 +20,7 @@ from pipeline.export.bridges.robotwin_arrays import drive_targets
 from pipeline.planning.planner import planner_for
 from pipeline.poses import compose, inverse
 from pipeline.world.robots import get_embodiment
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 NAMES = get_embodiment("aloha").vector_names
 
@@ -72,7 +73,7 @@ def package(tmp_path, name, actions, deploy=DEPLOY):
 
 
 def episode(text, case, setup=BLIND):
-    return run_episode(EpisodeJob(case, policy_name(text), parse_clock("sim"), setup=setup))
+    return run_episode(EpisodeJob(case, replace(policy_name(text), process="evaluator"), parse_clock("sim"), setup=setup))
 
 
 @pytest.mark.parametrize("name", ["Played", "PlayedPoses"])
@@ -117,7 +118,7 @@ def test_training_pairs_and_task_env_agree(tmp_path):
 
 def test_several_episodes_reset_one_model(tmp_path):
     case = case_of("click_bell", 1)
-    policy = make_policy(policy_name(package(tmp_path, "Twice", expert_actions(case))))
+    policy = make_here(policy_name(package(tmp_path, "Twice", expert_actions(case))))
     start = Start("press", "aloha-agilex", NAMES, 15, (), 0)
     firsts = []
     for _ in range(3):
@@ -239,7 +240,7 @@ def test_a_model_without_the_methods_is_one_line(tmp_path):
     path = tmp_path / "model.py"
     path.write_text("class Model:\n    def reset(self): pass\n")
     with pytest.raises(PolicyError, match="has no method update_obs"):
-        make_policy(policy_name(f"xpolicylab:{path}"))
+        make_here(policy_name(f"xpolicylab:{path}"))
 
 
 @pytest.mark.parametrize(
@@ -306,7 +307,7 @@ def act_directory(tmp_path_factory):
 def test_a_policy_of_lerobot_answers_what_its_network_says(act_directory):
     import torch
 
-    policy = make_policy(policy_name(f"lerobot:{act_directory}?device=cpu"))
+    policy = make_here(policy_name(f"lerobot:{act_directory}?device=cpu"))
     image = np.random.default_rng(0).integers(0, 255, (24, 32, 3), np.uint8)
     policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)}))
     answer = policy.act(look(head_camera=image))
@@ -337,7 +338,7 @@ def test_a_policy_of_lerobot_is_evaluated(act_directory):
     ],
 )
 def test_what_a_policy_of_lerobot_was_not_made_for_is_refused(act_directory, sizes, names, both):
-    policy = make_policy(policy_name(f"lerobot:{act_directory}?device=cpu"))
+    policy = make_here(policy_name(f"lerobot:{act_directory}?device=cpu"))
     with pytest.raises(PolicyError) as error:
         policy.reset(Start("press", "aloha-agilex", names, 15, tuple(sizes), 0, sizes))
     assert all(value in str(error.value) for value in both)
@@ -348,5 +349,5 @@ def test_a_directory_that_holds_no_policy_is_one_line(act_directory, tmp_path):
         policy_name(f"lerobot:{tmp_path}")
     (tmp_path / "config.json").write_text('{"type": "telepathy"}')
     with pytest.raises(PolicyError, match="cannot be loaded") as error:
-        make_policy(policy_name(f"lerobot:{tmp_path}"))
+        make_here(policy_name(f"lerobot:{tmp_path}"))
     assert "\n" not in str(error.value)

@@ -9,7 +9,7 @@ from pipeline.evaluate import DominoEnv, env_id
 from pipeline.evaluate.environment.reward import RewardError, Shaped
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scenes.training import OtherCase
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 DISCOUNT = 0.97
 

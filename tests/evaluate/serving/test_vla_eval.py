@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.evaluate.scenes.case import BLIND, expert_actions
 from pipeline.evaluate.scenes.manifests import Manifests
-from tests.evaluate.test_env import case_of
+from tests.evaluate.environment.test_env import case_of
 
 
 @dataclass

@@ -1,0 +1,106 @@
+"""Messages of openpi's protocol: msgpack maps with numpy arrays inside. Nothing received runs.
+
+An array is the map {b"__ndarray__": true, b"data": bytes, b"dtype": "<f8", b"shape": [2, 14]}, a
+number of numpy's {b"__npgeneric__": true, b"data": 1.5, b"dtype": "<f4"}. Only booleans, integers
+and floats are accepted: no objects, records or complex numbers.
+"""
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, cast
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.data.errors import DominoError
+from pipeline.data.parsing import show_value
+
+LARGEST = 32 * 1024 * 1024
+"""Bytes of a message; three images of 1024x1024 and their joints need 9.5 MB."""
+
+MOST_ENTRIES = 4096
+"""Entries of one list or map."""
+
+REFUSED, FAILED, INVALID, BUSY = 1008, 1011, 1007, 1013
+"""Why a connection ends, as WebSocket close codes: the message or the episode is refused, the policy
+gave no answer, its answer is no action, all places are taken."""
+
+_DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248])")
+
+
+class MessageError(DominoError, ValueError):
+    """Bytes that are no message, or a message that cannot be answered. One line."""
+
+
+def pack(message: Mapping[Any, Any]) -> bytes:
+    """A message as bytes. Raises MessageError for an array whose entries are not numbers."""
+    try:
+        return cast(bytes, msgpack.packb(message, default=_encode_array))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise MessageError(str(error)) from error
+
+
+def unpack(data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None) -> dict[Any, Any]:
+    """The message in bytes. Raises MessageError for anything but one whole map within the limits.
+
+    `decode` replaces the function that turns a map with b"__ndarray__" into an array.
+    """
+    if isinstance(data, str):
+        raise MessageError(f"the message is text, not bytes: {data[:200]!r}")
+    limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}
+    try:
+        message = msgpack.unpackb(data, object_hook=decode or _decode_array, **limits)
+    except MessageError:
+        raise
+    except (ValueError, RecursionError, msgpack.UnpackException) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise MessageError(f"the message is no msgpack: {reason}") from error
+    if not isinstance(message, dict):
+        raise MessageError(f"the message is a {type(message).__name__}, not a map")
+    return message
+
+
+def array_of(data: object, dtype: object, shape: object) -> NDArray[Any]:
+    """A writable array from its parts as they arrived. Raises MessageError if they do not fit."""
+    if not isinstance(data, bytes):
+        raise MessageError(f"the data of an array are of type {type(data).__name__}, not bytes")
+    kind = _dtype(dtype)
+    good = isinstance(shape, list) and len(shape) <= 8 and all(type(n) is int and n >= 0 for n in shape)
+    if not isinstance(shape, list) or not good:
+        raise MessageError(f"an array has the shape {show_value(shape)}")
+    size = math.prod(shape) * kind.itemsize
+    if size != len(data):
+        raise MessageError(f"an array of shape {shape} and dtype {kind.str} has {len(data)} bytes instead of {size}")
+    return np.frombuffer(data, kind).reshape(shape).copy()
+
+
+def _encode_array(value: object) -> dict[bytes, Any]:
+    if isinstance(value, np.ndarray):
+        kind = _dtype(value.dtype.str).str
+        return {b"__ndarray__": True, b"data": value.tobytes(), b"dtype": kind, b"shape": list(value.shape)}
+    if isinstance(value, np.generic):
+        kind = _dtype(value.dtype.str).str
+        return {b"__npgeneric__": True, b"data": value.item(), b"dtype": kind}
+    raise MessageError(f"a {type(value).__name__} cannot be sent")
+
+
+def _dtype(text: object) -> np.dtype[Any]:
+    if not isinstance(text, str) or not _DTYPE.fullmatch(text):
+        raise MessageError(f"an array has the dtype {str(text)[:40]!r}: only booleans, integers and floats are passed")
+    return np.dtype(text)
+
+
+def _decode_array(values: dict[Any, Any]) -> Any:
+    if b"__ndarray__" in values:
+        return array_of(values.get(b"data"), values.get(b"dtype"), values.get(b"shape"))
+    if b"__npgeneric__" in values:
+        kind, number = _dtype(values.get(b"dtype")), values.get(b"data")
+        if not isinstance(number, bool | int | float):
+            raise MessageError(f"a number is a {type(number).__name__}")
+        try:
+            return kind.type(number)
+        except (OverflowError, ValueError) as error:
+            raise MessageError(f"{number} is no {kind.str}") from error
+    return values

@@ -1,0 +1,124 @@
+"""A policy of this machine in a process of its own: only messages pass between it and the evaluator."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import weakref
+from contextlib import nullcontext, suppress
+from multiprocessing.connection import Connection
+from socket import socketpair
+
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyName
+from pipeline.evaluate.serving.messages import LARGEST
+from pipeline.evaluate.serving.websocket import Lost, fault_of, last_line
+
+CHILD = "pipeline.evaluate.child"
+"""The module that the process runs."""
+
+END_SECONDS = 2.0
+"""How long a process that closed its connection may take to end, so that its exit status is known."""
+
+LOAD_SECONDS = 1800.0
+"""What loading a policy may take."""
+
+KEPT = ("PATH", "HOME", "USER", "LOGNAME", "SHELL", "TERM", "TZ", "TMPDIR", "VIRTUAL_ENV", "LD_LIBRARY_PATH", "HF_HOME")
+KEPT += ("HF_HUB_CACHE", "HF_HUB_OFFLINE", "LANG", "LANGUAGE", "PYTHONHASHSEED")
+PREFIXES = ("LC_", "CUDA_", "NVIDIA_", "OMP_", "MKL_", "OPENBLAS_", "NUMBA_", "TORCH_", "PYTORCH_", "XLA_", "XDG_", "VK_", "ROCR_")
+"""What the process has of our environment: names, and beginnings of names. Secrets have any name, so these are all."""
+
+
+class Ended(Lost):
+    """The process has ended."""
+
+
+class Process:
+    """The end of the evaluator of a connection to a new process with a policy.
+
+    The process and those that it starts are one group, which ends with the connection, or with the evaluator.
+    """
+
+    def __init__(self, name: PolicyName, *more: str) -> None:
+        ours, theirs = socketpair()
+        environment = {k: v for k, v in os.environ.items() if k in KEPT or k.startswith(PREFIXES)}
+        if name.prints:
+            name.prints.parent.mkdir(parents=True, exist_ok=True)
+        with theirs, open(name.prints, "ab") if name.prints else nullcontext(2) as prints:
+            process = subprocess.Popen(
+                [sys.executable, "-u", "-P", "-m", CHILD, str(theirs.fileno()), name.text, *more],
+                stdin=subprocess.DEVNULL,
+                stdout=prints,  # what a policy prints is no part of a result
+                stderr=prints,
+                pass_fds=[theirs.fileno()],
+                env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                start_new_session=True,
+            )
+        self._process, self._connection = process, Connection(ours.detach())
+        self._end = weakref.finalize(self, _end, process, self._connection)
+        self._late = False
+
+    def ask(self, data: bytes, seconds: float) -> bytes:
+        """As of Link; a process that gives no answer in time is ended."""
+        return self._exchange(data, seconds)
+
+    def greet(self) -> bytes:
+        """The first message, once the policy is loaded."""
+        return self._exchange(None, LOAD_SECONDS)
+
+    def close(self) -> None:
+        """End the process, and those that it has started."""
+        self._end()
+
+    def _exchange(self, data: bytes | None, seconds: float) -> bytes:
+        # the policy's code may hold the other end in any way: only the end of the process is sure to end the wait
+        watch = threading.Timer(seconds, self._give_up)
+        watch.daemon = True
+        watch.start()
+        try:
+            if data is not None:
+                self._connection.send_bytes(data)
+            answer = self._connection.recv_bytes(LARGEST)
+        except (EOFError, OSError) as error:
+            late, self._late = self._late, False
+            raise NoAnswer(f"no answer in {seconds:.3g} s") if late else self._describe_end() from error
+        finally:
+            watch.cancel()
+        return _answer(answer)
+
+    def _give_up(self) -> None:
+        self._late = True
+        _kill(self._process)
+
+    def _describe_end(self) -> Ended:
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_SECONDS)
+        code = self._process.poll()
+        status = "closed its connection" if code is None else f"ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        return Ended(f"the policy's process {status}")
+
+
+def refusal_frame(reason: str, code: int) -> bytes:
+    """The frame of a process without an answer; a message is a map and never begins like this."""
+    return f"!{code} {reason}".encode()
+
+
+def _answer(frame: bytes) -> bytes:
+    """The same, but for a refusal, which is raised."""
+    if not frame.startswith(b"!"):
+        return frame
+    code, _, reason = frame[1:].decode(errors="replace").partition(" ")
+    raise fault_of(last_line(reason), int(code) if re.fullmatch(r"\d{4}", code, re.ASCII) else None)
+
+
+def _end(process: subprocess.Popen[bytes], connection: Connection) -> None:
+    connection.close()
+    _kill(process)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(END_SECONDS)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)

@@ -1,0 +1,170 @@
+"""A client's end of a WebSocket: every wait has a limit, and every failure is one line."""
+
+import asyncio
+import threading
+from collections.abc import Coroutine, Mapping
+from typing import Any, Protocol
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
+from websockets.frames import CloseCode
+
+from pipeline.data.errors import DominoError
+from pipeline.data.reading import printable
+from pipeline.evaluate.actions import ActionError
+from pipeline.evaluate.policies.policy import NoAnswer, PolicyError
+from pipeline.evaluate.serving.messages import BUSY, INVALID, LARGEST, REFUSED
+
+CONNECT_SECONDS = 10.0
+GREETING_SECONDS = 60.0
+"""What opening a connection may take, and its first message, for which a server may load a policy."""
+
+CLOSE_SECONDS = 2.0
+
+
+class Lost(NoAnswer):
+    """The connection ended."""
+
+
+class Unreachable(PolicyError):
+    """There is no server."""
+
+
+class Occupied(Unreachable):
+    """The server has no place for another client."""
+
+
+class Link(Protocol):
+    """What carries messages to a policy and back, within a time limit."""
+
+    def ask(self, data: bytes, seconds: float) -> bytes:
+        """Send a message and wait for its answer, both within `seconds`.
+
+        Raises Lost if the connection ends, NoAnswer if nothing arrives in time, and `fault_of`.
+        """
+        ...
+
+    def greet(self) -> bytes:
+        """The first message. Raises as `ask`."""
+        ...
+
+    def close(self) -> None:
+        """End the connection, without waiting for anything."""
+        ...
+
+
+def fault_of(reason: str, code: int | None) -> DominoError:
+    """The error that a server's text and close code stand for."""
+    kinds: dict[int | None, type[DominoError]] = {INVALID: ActionError, REFUSED: PolicyError, BUSY: Occupied}
+    return kinds.get(code, NoAnswer)(reason)
+
+
+class WebSocket:
+    """An open connection, served by a thread of its own, which also answers the peer's pings.
+
+    Raises Unreachable if there is no server, PolicyError if it refuses.
+    """
+
+    def __init__(self, url: str, headers: Mapping[str, str] | None = None) -> None:
+        self.url, self._headers, self._closed = url, dict(headers or {}), False
+        self._loop = asyncio.new_event_loop()
+        threading.Thread(target=self._run, daemon=True).start()
+        self._connection: ClientConnection | None = None
+        try:
+            self._connection = self._within(2 * CONNECT_SECONDS, self._open())
+        except InvalidStatus as error:
+            self.close()
+            reason = last_line(bytes(error.response.body or b"").decode(errors="replace"))
+            raise PolicyError(f"{url}: refused ({error.response.status_code}): {reason}") from error
+        except (OSError, TimeoutError, WebSocketException, ValueError) as error:  # ValueError: no name of a host
+            self.close()
+            reason = last_line(str(error)) or type(error).__name__
+            raise Unreachable(f"{url}: cannot be reached: {reason}") from error
+
+    def ask(self, data: bytes, seconds: float) -> bytes:
+        """See Link."""
+        return self._exchange(data, seconds)
+
+    def greet(self) -> bytes:
+        """See Link."""
+        return self._exchange(None, GREETING_SECONDS)
+
+    def close(self) -> None:
+        """See Link."""
+        connection, self._connection = self._connection, None
+        if self._closed:
+            return
+        self._closed = True
+
+        async def end() -> None:
+            if connection is not None:
+                await connection.close()
+            self._loop.stop()
+
+        asyncio.run_coroutine_threadsafe(end(), self._loop)
+
+    def _run(self) -> None:
+        self._loop.run_forever()
+        self._loop.close()
+
+    async def _open(self) -> ClientConnection:
+        # no compression: a small message cannot become a large one; no proxy; no pings of ours, because
+        # a server that computes may not answer them: answers have a time limit
+        return await connect(
+            self.url,
+            additional_headers=self._headers,
+            compression=None,
+            proxy=None,
+            open_timeout=CONNECT_SECONDS,
+            ping_interval=None,
+            close_timeout=CLOSE_SECONDS,
+            max_size=LARGEST,
+        )
+
+    def _exchange(self, data: bytes | None, seconds: float) -> bytes:
+        if self._connection is None:
+            raise Lost(f"{self.url}: the connection is closed")
+        try:
+            answer = self._within(seconds, self._send_and_receive(self._connection, data))
+        except ConnectionClosed as error:
+            self.close()
+            raise self._describe_closing(error) from error
+        except TimeoutError as error:
+            self.close()
+            raise NoAnswer(f"{self.url}: no answer in {seconds:.3g} s") from error
+        if isinstance(answer, bytes):
+            return answer
+        reason, code = answer
+        self.close()
+        prefix = "the server failed: " if code in (None, CloseCode.INTERNAL_ERROR) else ""
+        raise fault_of(f"{self.url}: {prefix}{last_line(reason)}", code)
+
+    async def _send_and_receive(self, connection: ClientConnection, data: bytes | None) -> bytes | tuple[str, int | None]:
+        """The answer, or the text and the close code of an error."""
+        if data is not None:
+            await connection.send(data)
+        answer = await connection.recv()
+        if isinstance(answer, bytes):
+            return answer
+        try:
+            async with asyncio.timeout(CLOSE_SECONDS):
+                await connection.wait_closed()
+        except TimeoutError:
+            return answer, None
+        return answer, connection.close_code
+
+    def _within[T](self, seconds: float, work: Coroutine[Any, Any, T]) -> T:
+        """What `work` returns, done by the thread of this connection. Raises TimeoutError."""
+        return asyncio.run_coroutine_threadsafe(asyncio.wait_for(work, seconds), self._loop).result()
+
+    def _describe_closing(self, error: ConnectionClosed) -> DominoError:
+        if error.sent and not error.rcvd_then_sent and error.sent.code == CloseCode.MESSAGE_TOO_BIG:
+            return ActionError(f"{self.url}: the answer has more than {LARGEST} bytes")
+        reason = last_line(error.rcvd.reason if error.rcvd else str(error)) or "no reason given"
+        return Lost(f"{self.url}: the server closed the connection: {reason}")
+
+
+def last_line(text: str) -> str:
+    """The last line of a text that says something: of a traceback, what was raised."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return printable(lines[-1][:500]) if lines else ""
