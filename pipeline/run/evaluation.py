@@ -44,7 +44,7 @@ def evaluation_of(recipe: Recipe, setup: Setup, policy: PolicyName, clock: str =
 
 @contextmanager
 def answer_together(wanted: Evaluation, crew: Crew, wait: float | None) -> Iterator[Evaluation]:
-    """The evaluation with its policy made once, in a process of its own, for all workers of a crew: a batch waits `wait` seconds for more.
+    """The evaluation with its policy made once, in a process of its own, for all workers of a crew; batches wait `wait` seconds.
 
     The same evaluation for None and for one worker. Raises PolicyError for workers on other machines, and as `host_policy`.
     """
