@@ -22,6 +22,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.keys import file_hash
+from pipeline.data.sealed import SEAL, seal_yaml
 from pipeline.run import drawing
 from pipeline.run.build import build
 from pipeline.run.names import recipe_from
@@ -246,7 +247,8 @@ def rename(dataset, task):
     records = [dataset.record(slot) for slot in dataset.recipe().slots()]
     (dataset.episodes / "click_bell").rename(dataset.episodes / task)
     shutil.rmtree(dataset.root / "ledger")
-    dataset.manifest.write_text(dataset.manifest.read_text().replace("click_bell", task))
+    lines = dataset.manifest.read_text().replace("click_bell", task).splitlines(keepends=True)
+    dataset.manifest.write_bytes(seal_yaml("".join(line for line in lines if not line.startswith(SEAL))))
     for slot, record in zip(dataset.recipe().slots(), records, strict=True):
         with h5py.File(dataset.episode(slot), "r+") as f:
             f.attrs["spec"] = f.attrs["spec"].replace("click_bell", task)
