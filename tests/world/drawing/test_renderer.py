@@ -146,7 +146,7 @@ def test_masks_do_not_change_the_image_and_frames_are_independent(views: list) -
 
 HASH = """
 import sys, hashlib
-from tests.world import test_renderer as t
+from tests.world.drawing import test_renderer as t
 print("sha", t.digest())
 """
 

@@ -9,6 +9,7 @@ from pipeline.data.cameras import CAMERA_TYPES, project, visible
 from pipeline.data.names import SIDES
 from pipeline.poses import compose, matrix, transform
 from pipeline.world.cameras import cameras_of
+from pipeline.world.drawing.silhouettes import solids_of, track_bodies
 from pipeline.world.robots import ALIASES, MODELS, UnknownEmbodiment, canonical_name, get_embodiment
 from pipeline.world.robots.contract import Embodiment, jaw_positions, jaw_value
 from pipeline.world.robots.forward import arm_limits, arm_poses, root_link
@@ -116,6 +117,19 @@ def test_wrist_camera_sees_both_finger_ends_and_what_lies_between(name):
             # the camera looks along the approach, with the tool's z up
             uv, _ = project(kind, camera, transform(tcp, np.array([[0, 0, 0.0], [0, 0, 0.02], [0, 0.02, 0]])))
             assert uv[1, 1] < uv[0, 1] - 10 and uv[2, 0] < uv[0, 0] - 10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_of_its_own_arm_a_wrist_camera_sees_the_fingers_only(name):
+    e = get_embodiment(name)
+    for camera in cameras_of(e)[1:]:
+        side = camera.name.split("_")[0]
+        arm = e.arms[side]
+        poses = {name: at[None] for name, at in arm_poses(arm, arm.home).items()}
+        solids = solids_of({link.name: link.visual for link in arm.links}, ())
+        others = [link.name for link in arm.links if link.visual and link.name not in arm.gripper.fingers]
+        world = compose(poses[arm.camera.link], camera.pose)
+        assert not track_bodies(solids, poses, others, camera.type, world).visible.any()
 
 
 @pytest.mark.parametrize("name", NAMES)
