@@ -1,4 +1,4 @@
-"""What 117,600 slots cost a build, its status and its report: the real build, ledger and engine around a fake stage of 1 ms.
+"""What 117,600 slots cost a build, its status and its report: the real build, index and crew around a fake stage of 1 ms.
 
     python -m benchmarks.dataset_size [--episodes 112] [--out DIRECTORY] [--ray 16]
 
@@ -30,8 +30,7 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.records import FileFacts, SlotRecord
-from pipeline.data.ledger.stamps import file_stamp
+from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.report.page import refresh
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
@@ -46,7 +45,7 @@ STARTED = ".first"
 
 def fake_worker() -> Callable[[SlotJob], SlotRecord]:
     """The fake stage, in a process that knows its assets."""
-    store, known = None, list[tuple[str, str]]()
+    store, known = None, list[str]()
 
     def fill(job: SlotJob) -> SlotRecord:
         nonlocal store
@@ -56,8 +55,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
             with suppress(FileExistsError), (dataset.root.parent / STARTED).open("x") as file:
                 file.write(f"{time.process_time()}")
             store = AssetStore(dataset.bodies)
-            keys = [store.put({"x": np.full(8, n)}, {"n": n}) for n in range(ASSETS)]
-            known.extend((key, file_stamp(store.path(key))) for key in keys)
+            known.extend(store.put({"x": np.full(8, n)}, {"n": n}) for n in range(ASSETS))
         time.sleep(STAGE)
         path, index = dataset.episode(job.slot), job.slot.index
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +74,7 @@ def fake_worker() -> Callable[[SlotJob], SlotRecord]:
         ]
         moved = dict.fromkeys(("average_speed", "maximum_speed", "end_speed", "displacement"), 0.05 + 1e-4 * index)
         rows[-1] |= {"outcome": "accepted", "stage": "", "reason": "", "detail": "", "sim_steps": 900} | moved
-        facts = FileFacts(0, file_stamp(path), 75, dict(known[(index + n) % ASSETS] for n in range(11)))
+        facts = FileFacts.of(path.stat(), 75, SHA256[:32], [known[(index + n) % ASSETS] for n in range(11)])
         spent = time.perf_counter() - began
         return SlotRecord(slot_keys(job.recipe, job.slot), True, SHA256, tuple(rows), {"stage": spent}, file=facts)
 
@@ -93,13 +91,13 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     found: dict[str, float] = {}
     if name in ("build", "resume", "ray 1", "ray 2"):
         workers = int(name[-1]) if name.startswith("ray") else 1
-        before = len(Dataset(root).entries(recipe, ()).slots) if root.exists() else 0
         crew = Crew("ray", workers, recycle=10**6) if name.startswith("ray") else Crew()
         result = building.build(root, recipe, crew, shown="none")
-        stage = Dataset(root).entries(recipe, ("phases",)).table["phases"].to_pylist()[before:]
+        rows = Dataset(root).rows(recipe, "seconds")
+        stage = rows.more["seconds"][np.argsort(rows.ids)][-result.made :]
         found["slots"] = result.made
         found["first job s"] = first.stat().st_mtime - began
-        spent = sum(json.loads(text)["stage"] for text in stage)
+        spent = float(stage.sum())
         found["overhead ms"] = 1000 * (time.time() - first.stat().st_mtime - spent / workers) / result.made
         if workers == 1 and not name.startswith("ray"):
             found["processor ms"] = 1000 * (time.process_time() - float(first.read_text())) / result.made

@@ -22,8 +22,8 @@ from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import SlotRecord
 from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from

@@ -200,6 +200,7 @@ def make_episode(
     instructions: Mapping[str, list[str]] | None = None,
     meta: Mapping[str, Any] | None = None,
     corrected: int | None = None,
+    attempts: Sequence[Mapping[str, Any]] = (),
     spin: bool = True,
 ) -> Path:
     """Write a synthetic episode file and return its path; 14-wide vectors, 16-wide for "franka-panda". In the first `corrected`
@@ -219,6 +220,7 @@ def make_episode(
         instructions=instructions
         or {"seen": [f"{words} with the left arm", f"please {words}", f"{words} now"], "unseen": [f"go and {words}"]},
         meta=make_meta(log, fps, views, **(meta or {})),
+        attempts=attempts,
     )
     write_episode(path, episode, views)
     return path

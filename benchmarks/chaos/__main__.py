@@ -4,7 +4,7 @@
 
 Two datasets are built twice, by the real command with Ray workers: `--real` slots of click_bell with small images, all three
 stages; and `--slots` of sixty cells whose stages only sleep, fail by lot and hand out one stored episode (chaos/command.py),
-around the real keys, notes, logs, files, ledger, engine and command. The first build is left alone, in one process. The second
+around the real keys, notes, logs, files, index, crew and command. The first build is left alone, in one process. The second
 runs in lives: in each, workers are killed in every phase, in the middle of writing, and while they start; then the life ends by
 killing the driver, Ray's raylet or its control service, by a full disk, or by a signal after which the driver dies while it cleans
 up. `--quick` builds in one process follow, each killed in the middle of writing something. Between lives files are truncated and
@@ -49,8 +49,8 @@ IN_LIFE = (
     *("trap episode half", "trap episode whole", "trap episode renamed", "trap asset half", "trap asset whole"),
 )
 ENDS = (
-    *("full disk", "raylet", "driver", "terminate ledger half", "gcs_server", "trap journal whole", "raylet", "interrupt"),
-    *("terminate attempts half", "driver", "trap journal half", "terminate provenance whole"),
+    *("full disk", "raylet", "driver", "terminate attempts whole", "gcs_server", "driver", "raylet", "interrupt"),
+    *("terminate attempts half", "driver", "trap provenance half", "terminate provenance whole"),
 )
 MID_WRITE = (
     *(
@@ -59,9 +59,7 @@ MID_WRITE = (
         ("episode", "renamed"),
         ("asset", "half"),
         ("asset", "whole"),
-        ("journal", "half"),
     ),
-    *(("journal", "whole"), ("journal", "renamed"), ("ledger", "half"), ("ledger", "whole"), ("ledger", "renamed")),
     *(("worker", "planning"), ("worker", "drawing")),
 )
 """Where a build in one process is killed."""
@@ -126,8 +124,6 @@ def mid_write(part: Part, site: Site, chance: Random, outcome: Outcome, damaged:
     before = len(fresh.control.sprung)
     for number in range(part.quick):
         trap = chance.choice(MID_WRITE)
-        if trap[0] == "ledger" and not any(Dataset(site.root).ledger.segments.glob("*")):
-            trap = ("journal", "renamed")  # with no journal to move, the files would only be written when all is built
         passes = chance.randrange(2 * part.slots // part.quick) if trap[0] in ("episode", "asset", "worker") else 0
         code = fresh.live(site.root, *trap, passes)
         outcome.codes[code or 0] += 1

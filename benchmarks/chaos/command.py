@@ -2,7 +2,7 @@
 
 Workers note which slot they are at and in which phase. With CHAOS_STORED naming a dataset, nothing is planned or drawn: every slot
 gets that dataset's first episode under its own spec, after a moment's sleep, some after failed attempts. Keys, notes, logs, files,
-ledger, engine and command are the real ones.
+index, crew and command are the real ones.
 """
 
 import os
@@ -21,13 +21,13 @@ from pipeline import cli
 from pipeline.crew.contract import Crew, Steps
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
-from pipeline.data.episode.file import Episode, EpisodeFile
+from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import Drawing
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.records import SlotRecord
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
@@ -73,7 +73,7 @@ class Stored:
 
     def functions(self) -> Mapping[str, Callable[..., Any]]:
         """What stands in place of the functions of pipeline.run.slot.fill."""
-        return {"attempt": self.attempt, "draw": self.draw, "episode_of": self.episode_of}
+        return {"attempt": self.attempt, "draw": self.draw, "episode_of": self.episode_of, "renew": self.renew}
 
     def attempt(self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, perform: Perform | None) -> _Rollout:
         """A rollout, or a Failure, as the spec's own random numbers will have it."""
@@ -94,6 +94,10 @@ class Stored:
                 store.copy(key, self._store)
             own = store.put({"numbers": scene.spec.rng("chaos/asset").random(1000)}, {})
         return replace(self._images, drawing=drawing.model_copy(update={"assets": drawing.assets | {"chaos": own}}))
+
+    def renew(self, *_: Any) -> SlotRecord:
+        """The scene of a slot would not have the assets of the stored episode: its slot is made from nothing instead."""
+        raise EpisodeError("is not drawn again")
 
     def episode_of(self, rollout: _Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
         """The stored episode under another spec."""
@@ -139,9 +143,6 @@ def prepare() -> None:
     """Have the builds of this process use trapped workers."""
     install(Control.here())
     building.slot_worker = trapped_worker
-    if STORED in os.environ:
-        # the assets of a scene that is built anew would not be those of the stored episode: its slots are made again instead
-        building.from_scenes = lambda _dataset, _recipe: lambda _slot, _missing: None
 
 
 def build_here(root: Path, recipe: Recipe, control: Path, stored: Path) -> None:

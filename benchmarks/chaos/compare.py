@@ -1,6 +1,5 @@
-"""Two datasets of one recipe, compared byte by byte but for what was measured (seconds, stamps, the report's figures)."""
+"""Two datasets of one recipe, compared byte by byte but for what was measured (seconds, times of change, the report's figures)."""
 
-from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,9 +8,8 @@ import pyarrow.parquet as pq
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
-from pipeline.data.ledger.table import PLACE
 
-APART = ("attempts.parquet", "ledger", "report")
+APART = ("attempts.parquet", "index.sqlite", "report")
 """What holds measured seconds: compared by content, the report only by being there."""
 
 
@@ -19,12 +17,11 @@ APART = ("attempts.parquet", "ledger", "report")
 class Comparison:
     """The differences of two datasets: files that only one has, files and entries that differ, and the number of equal files.
 
-    Slots of the reference that are missing are `lost`; those that the ledger has more than once are `duplicated`."""
+    Slots of the reference that are missing are `lost`."""
 
     slots: int
     same: int
     lost: list[str]
-    duplicated: list[str]
     left_over: list[str]
     missing: list[str]
     different: list[str]
@@ -32,7 +29,7 @@ class Comparison:
     @property
     def identical(self) -> bool:
         """Whether there is no difference."""
-        return not (self.lost or self.duplicated or self.left_over or self.missing or self.different)
+        return not (self.lost or self.left_over or self.missing or self.different)
 
 
 def compare(reference: Path, other: Path) -> Comparison:
@@ -42,15 +39,13 @@ def compare(reference: Path, other: Path) -> Comparison:
     plain = [name for name in both if Path(name).parts[0] not in APART]
     different = [name for name in plain if file_hash(reference / name) != file_hash(other / name)]
     entries, others = _entries(reference), _entries(other)
-    different += [f"ledger entry of {slot}" for slot in entries if slot in others and entries[slot] != others[slot]]
+    different += [f"record of {slot}" for slot in entries if slot in others and entries[slot] != others[slot]]
     if _attempts(reference) != _attempts(other):
         different.append("attempts.parquet")
-    rows = Counter(tuple(row.values()) for row in _places(other))
     return Comparison(
         slots=len(entries),
         same=len(plain) - sum(name in plain for name in different),
         lost=[slot for slot in entries if slot not in others],
-        duplicated=[str(place) for place, count in rows.items() if count > 1],
         left_over=[name for name in second if name not in first],
         missing=[name for name in first if name not in second],
         different=different,
@@ -64,17 +59,11 @@ def _files(root: Path) -> list[str]:
 
 
 def _entries(root: Path) -> dict[str, Any]:
-    found = {}
-    for slot, record in Dataset(root).ledger.entries():
+    found, dataset = {}, Dataset(root)
+    for slot, record in dataset.records(dataset.recipe()):
         rows = tuple({name: value for name, value in row.items() if name != "seconds"} for row in record.attempts)
-        file = replace(record.file, stamp="", assets=dict.fromkeys(record.file.assets, ""))
-        found[slot.path] = replace(record, attempts=rows, phases={}, file=file)
+        found[slot.path] = replace(record, attempts=rows, phases={}, file=replace(record.file, changed=0))
     return found
-
-
-def _places(root: Path) -> list[dict[str, Any]]:
-    """The slots that the rows of the ledger's files name, as often as they do."""
-    return [row for path in root.glob("ledger/*/*.parquet") for row in pq.read_table(path, columns=list(PLACE)).to_pylist()]
 
 
 def _attempts(root: Path) -> list[dict[str, Any]]:

@@ -17,8 +17,7 @@ from pathlib import Path
 KINDS = {
     "/episodes/": "episode",
     "/assets/": "asset",
-    "/ledger/journal/": "journal",
-    "/ledger/": "ledger",
+    "index.sqlite": "index",
     "attempts.parquet": "attempts",
     "provenance.json": "provenance",
     "/report/": "report",

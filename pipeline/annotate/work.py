@@ -17,6 +17,7 @@ from pipeline.annotate.store import check_entry, write_entry
 from pipeline.data.annotations import CorruptAnnotation, annotation_path
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, open_episode
+from pipeline.data.intact import check_bytes
 
 AHEAD = 2
 """Episodes the prefetch thread may be ahead; bounds memory to three decoded episodes a worker."""
@@ -73,7 +74,7 @@ class StageWorker:
         name, state = str(episode), "unknown"
         stage = self.stage
         try:
-            Dataset(self.dataset).check_bytes(episode)
+            check_bytes(Dataset(self.dataset), episode)
             with open_episode(self.dataset / "episodes" / episode) as e:
                 reading = stage.read(e, self.dataset, episode)
                 key = annotation_key(stage.name, stage.version, stage.parameters(), reading.inputs)

@@ -13,9 +13,10 @@ import typer
 from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
 from pipeline.crew.progress import SHOWN, Kind
 from pipeline.crew.signals import Stopped, stop_on_signal
-from pipeline.data.dataset import Dataset, missed
+from pipeline.data.dataset import Dataset
 from pipeline.data.errors import DominoError
 from pipeline.data.findings import Finding
+from pipeline.data.intact import missed
 from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe

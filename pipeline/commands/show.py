@@ -10,6 +10,7 @@ from tqdm import tqdm
 from pipeline.commands.common import AsJson, Quiet, Root, UsageError, check_file, print_result
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
+from pipeline.data.intact import check_bytes, kept_failures
 
 
 def show(
@@ -89,7 +90,7 @@ def view(
         if place is not None and place.resolve() != pages.resolve():
             _check_place(place, source.root, option)
     recipe = source.recipe()
-    there, failed = sorted(source.accepted(recipe)), sorted(path for path, _ in source.kept_failures(recipe))
+    there, failed = sorted(source.accepted(recipe)), sorted(path for _, path, _ in kept_failures(source, recipe))
     if not there and not failed:
         raise UsageError(f"{dataset} has no finished episodes to show")
     if serve:
@@ -104,7 +105,7 @@ def view(
                 return
     chosen = choose(there, episodes)
     for path in chosen:
-        source.check_bytes(path.relative_to(source.episodes))
+        check_bytes(source, path.relative_to(source.episodes))
     if rerun is not None:
         names = ["-".join(path.relative_to(source.episodes).with_suffix("").parts) for path in chosen]
         made = [str(log_episode(path, name, rerun / f"{name}.rrd")) for path, name in zip(chosen, names, strict=True)]

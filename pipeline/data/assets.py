@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -43,6 +44,15 @@ class AssetStore:
             raise AssetError(f"{key!r} is not the hash of an asset")
         return self.root / key[:2] / f"{key}.npz"
 
+    def keys(self) -> set[str]:
+        """The hashes of all assets that are there, by the names of their files."""
+        found = set[str]()
+        for folder in self.root.iterdir() if self.root.is_dir() else ():
+            if folder.is_dir():
+                with os.scandir(folder) as files:
+                    found.update(file.name.removesuffix(".npz") for file in files if file.name.endswith(".npz"))
+        return found
+
     def put(self, arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:
         """Keep arrays and attributes (plain JSON data), unless they are there already; returns their hash. Raises OSError."""
         key = _hash(arrays, attributes)
@@ -73,13 +83,6 @@ class AssetStore:
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; remove it: {_FIX}")
         return arrays, attributes
-
-    def renew(self, key: str) -> None:
-        """Rewrite the file of an asset whose content is intact but whose bytes differ from what `put` writes: a ZIP file has bits
-        that no reader checks. Raises AssetError if the content is damaged, OSError."""
-        data = _encode(*self.get(key))
-        if self.path(key).read_bytes() != data:
-            write_atomic(self.path(key), data)
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:

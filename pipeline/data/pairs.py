@@ -21,11 +21,16 @@ class Pairs:
 
 
 def pairs_in(dataset: Dataset, recipe: Recipe) -> Pairs | None:
-    """The pairs of a dataset by its ledger; None if its recipe pairs no cells."""
+    """The pairs of a dataset by its index; None if its recipe pairs no cells."""
     if not recipe.paired:
         return None
-    records = ((slot, record) for slot, record in dataset.records(recipe) if not slot.variant)
-    return pairs_of(recipe, {slot: record.attempts[-1]["seed"] if record.accepted else None for slot, record in records})
+    rows = dataset.present(recipe)
+    rows = rows.where(rows.variants == 0)
+    of, tried = dataset.ask(lambda index: index.attempts(rows, "seed"))
+    seeds: dict[Slot, int | None] = dict.fromkeys(rows.slots)
+    for row, (seed,) in zip(of.tolist(), tried, strict=True):
+        seeds[rows.slots[row]] = seed if rows.accepted[row] else None  # the last one is the accepted one
+    return pairs_of(recipe, seeds)
 
 
 def pairs_of(recipe: Recipe, seeds: Mapping[Slot, int | None]) -> Pairs:

@@ -1,22 +1,19 @@
 """The report of a dataset as it is now: outcomes and films, and what the annotations see where there are any."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.data.atomic import atomic_path
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError
-from pipeline.data.keys import digest, file_hash
-from pipeline.data.ledger.columns import rows_of
-from pipeline.data.ledger.entries import Entries
+from pipeline.data.keys import digest
+from pipeline.data.rows import Rows
 from pipeline.data.spec import EpisodeSpec
 from pipeline.report.contact_sheet import encode
 from pipeline.report.sections import Figure, Section, Strip
@@ -32,47 +29,35 @@ SHEETS = 12
 def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
     """Update the report, with annotations as `sheet_of` draws them, and return the path of its first page.
 
-    Figures come from the ledger. Only the episodes that are shown are opened, and variants, whose entries have no figures of
+    Figures come from the index. Only the episodes that are shown are opened, and variants, of which it has no figures of
     motions. An episode that cannot be read is left out; `domino-data verify` names it. Raises DatasetError for a directory without
     a recipe.
     """
     recipe = dataset.recipe()
-    entries = dataset.present(dataset.entries(recipe, ("attempts", "frames")))
-    table = entries.attempts()
-    with atomic_path(dataset.attempts) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
-    seen = list(_observe(dataset, entries, recipe.fps))
-    keys = {task: _key(dataset, task, recipe.embodiments) for task in recipe.tasks}
+    rows, table = dataset.present(recipe, "frames", "sha256"), dataset.write_attempts(recipe)
+    seen = list(_observe(dataset, rows, recipe.fps))
+    keys = {task: _key(dataset, rows, task) for task in recipe.tasks}
     return write_report(
         dataset.root, Material(seen, CellRows(table), keys), _annotations(dataset, dataset.accepted(recipe), sheet_of)
     )
 
 
-def _observe(dataset: Dataset, entries: Entries, fps: int) -> Iterator[Observation]:
-    """The accepted episodes, by their entries."""
-    rows = zip(entries.slots, entries.table["frames"].to_pylist(), _motions(entries), strict=True)
-    for slot, frames, motion in rows:
-        if motion is None:
+def _observe(dataset: Dataset, rows: Rows, fps: int) -> Iterator[Observation]:
+    """The accepted episodes, by their rows. Variants have no attempts of their own, and no speeds."""
+    of, tried = dataset.ask(lambda index: index.attempts(rows, "seed", "average_speed", "maximum_speed"))
+    motions = dict(zip(of.tolist(), tried, strict=True))  # the last attempt is the accepted one
+    for number, (slot, accepted, frames) in enumerate(
+        zip(rows.slots, rows.accepted.tolist(), rows.more["frames"].tolist(), strict=True)
+    ):
+        if not accepted:
             continue
-        path, cell, (seed, average, maximum) = dataset.episode(slot), slot.cell, motion
-        if frames and average is not None and maximum is not None:
+        path, cell, (seed, average, maximum) = dataset.episode(slot), slot.cell, motions.get(number, (0, None, None))
+        if average is not None and maximum is not None:
             spec = EpisodeSpec(cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, slot.index, seed)
             yield Observation(path, spec, frames / fps, average, maximum)
         else:
             with suppress(EpisodeError, KeyError, OSError, ValueError):
                 yield observe(path)
-
-
-def _motions(entries: Entries) -> Iterator[tuple[int, float | None, float | None] | None]:
-    """Of every entry the seed of its accepted attempt and the speeds of its motion (m/s); None if it was given up. Variants
-    have no attempts of their own, and no speeds."""
-    tried = entries.table["attempts"].combine_chunks()
-    names = ("seed", "average_speed", "maximum_speed")
-    values = list(zip(*(tried.flatten().field(name).to_pylist() for name in names), strict=True))
-    end = 0
-    for accepted, length in zip(entries.accepted, tried.value_lengths().to_pylist(), strict=True):
-        end += length
-        yield (values[end - 1] if length else (0, None, None)) if accepted else None
 
 
 class CellRows(Mapping[Cell, list[dict[str, Any]]]):
@@ -88,7 +73,7 @@ class CellRows(Mapping[Cell, list[dict[str, Any]]]):
     def __getitem__(self, cell: Cell) -> list[dict[str, Any]]:
         if cell not in self._rows:
             raise KeyError(cell)
-        return self._table.take(rows_of(np.array(self._rows[cell]))).to_pylist()
+        return self._table.take(self._rows[cell]).to_pylist()
 
     def __iter__(self) -> Iterator[Cell]:
         return iter(self._rows)
@@ -97,11 +82,11 @@ class CellRows(Mapping[Cell, list[dict[str, Any]]]):
         return len(self._rows)
 
 
-def _key(dataset: Dataset, task: str, robots: Sequence[str]) -> str:
-    """What the page of a task is made of: its ledger, and the pictures of its failed attempts."""
-    files = [dataset.ledger.file((task, robot)) for robot in robots]
+def _key(dataset: Dataset, rows: Rows, task: str) -> str:
+    """What the page of a task is made of: its episodes, and the pictures of its failed attempts."""
+    mine = rows.where(np.array([cell.task == task for cell in rows.cells], bool)[rows.ranks])
     failed = sorted(p.name for p in (dataset.root / "report" / "failed" / task).rglob("*.jpg"))
-    return digest([[file_hash(path) if path.is_file() else "" for path in files], failed])
+    return digest([[slot.path for slot in mine.slots], [sha256.hex() for sha256 in mine.more["sha256"]], failed])
 
 
 def _annotations(dataset: Dataset, episodes: list[Path], sheet_of: SheetOf) -> list[Section]:

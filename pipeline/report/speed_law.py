@@ -34,7 +34,7 @@ class Law:
 
 
 def law(rows: Sequence[Row]) -> Law | None:
-    """The means of a group of attempts (columns of data.ledger.ATTEMPTS); None for no attempts."""
+    """The means of a group of attempts (columns of data.records.ATTEMPTS); None for no attempts."""
     if not rows:
         return None
     speed, end, moved, alpha = (

@@ -80,7 +80,7 @@ def cell_of(row: Mapping[str, Any]) -> Cell:
 
 @dataclass(frozen=True)
 class Material:
-    """What a report is made of: its episodes, and the attempts (columns of data.ledger.ATTEMPTS) of every cell that has some.
+    """What a report is made of: its episodes, and the attempts (columns of data.records.ATTEMPTS) of every cell that has some.
 
     `keys` names, by task, what its page is made of: a page of the same key is not drawn again. Tasks without a key always are.
     """

@@ -2,7 +2,7 @@
 
 import platform
 from collections import Counter, deque
-from contextlib import closing, nullcontext, suppress
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,9 @@ from pipeline.crew.ray_session import session
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.brought import Brought
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.episode.file import EpisodeError
-from pipeline.data.ledger.files import LedgerWriter
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import SlotRecord
+from pipeline.data.reread import IndexWriter
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.data.store.urls import with_urls
@@ -28,12 +27,10 @@ from pipeline.run.doctor.packages import installed_version
 from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.early_stop import EarlyStop, stopped_cells
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.mend import from_scenes, mend_assets, recover
 from pipeline.run.plan import cost_of
 from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
-from pipeline.run.slot.make import read_facts
 from pipeline.run.slot.running import NodeCheck
-from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, read_states
+from pipeline.run.state import IMAGES, OPEN, SENTENCES, SlotState, missing
 from pipeline.world.drawing.vulkan import ensure_renderer
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.objects.from_files import directory_of
@@ -68,8 +65,8 @@ class BuildResult:
 def build(root: Path, recipe: Recipe, crew: Crew, timeout: float = ATTEMPT_SECONDS, shown: Kind = "bar") -> BuildResult:
     """Build the dataset, or resume its build.
 
-    Every file that was written since it was last read is read: an episode whose bytes differ from the ledger's is made again, an
-    asset that is missing or damaged is restored.
+    Every file that was written since it was last read is read: an episode whose bytes differ from the index's is made again;
+    of one whose assets are missing, the images are.
 
     A worker that spends more than `timeout` seconds on one attempt counts as hung. An attempt that kills two workers is recorded as
     failed, and the slot's next seed is tried. Other variants are drawn from the state logs of the first.
@@ -95,51 +92,37 @@ def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: 
     """As `build`, in a directory that is the recipe's and has what it needs."""
     slots = list(recipe.physical_slots())
     sweep(dataset.root)
-    dataset.ledger.compact()
-    recovered = recover(dataset, recipe)
-    known = dict(read_states(dataset, recipe, slots))
-    whole = {slot for slot, state in known.items() if state.todo == DONE and state.accepted}
-    lacking = mend_assets(dataset, recipe, whole, from_scenes(dataset, recipe))
-    known |= dict.fromkeys(lacking, SlotState(PHYSICS, (REDO,), True))
-    todo = [slot for slot, state in known.items() if state.todo != DONE]
-    parts = Counter(known[slot].todo for slot in todo)
-    jobs = _jobs(dataset, recipe, known, todo)
-    progress = SHOWN[shown](len(slots), len(slots) - len(todo))
-    if recovered:
-        progress.write_line(f"{recovered:,} missing entries of the ledger are restored from their episodes")
-    ledger, unfinished = LedgerWriter(dataset.ledger), {slot for slot in todo if known[slot].todo == OPEN}
-    try:
-        restamp(dataset, recipe, ledger, {slot for slot, state in known.items() if state.restamp and state.todo == DONE})
-        del known
-        _announce(progress, dataset, recipe, todo, crew)
-        early_stop = EarlyStop(dataset, recipe, jobs)
-        listeners = SlotListeners(progress, Metrics(crew), early_stop, ledger, unfinished)
-        lost = _fill(dataset, jobs, crew, timeout, listeners)
-        ledger.close()
-        if recipe.variants > 1:
+    with IndexWriter(dataset, recipe) as writer:
+        known = missing(dataset, recipe, writer)
+        jobs, todo = _jobs(dataset, recipe, known), list(known)
+        parts = Counter(known[slot].todo for slot in todo)
+        progress = SHOWN[shown](len(slots), len(slots) - len(todo))
+        try:
+            _announce(progress, dataset, recipe, todo, crew)
+            early_stop = EarlyStop(dataset, recipe, jobs)
+            lost = _fill(dataset, jobs, crew, timeout, SlotListeners(progress, Metrics(crew), early_stop, writer))
+            if recipe.variants > 1:
+                progress.close()
+                others = (slot for slot in recipe.slots() if slot.variant)
+                work = work_of(dataset, dataset, recipe, others, writer.catch_up())
+                problems = draw_all(work, writer, crew, timeout, shown != "bar")
+                if problems:
+                    raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
+        finally:
             progress.close()
-            others = (slot for slot in recipe.slots() if slot.variant)
-            problems = draw_all(work_of(dataset, dataset, recipe, others), ledger, crew, timeout, shown != "bar")
-            if problems:
-                raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
-    finally:
-        progress.close()
-        ledger.close()
-        dataset.withdraw(unfinished)
-        # a worker that was killed may have been writing an asset
-        sweep(dataset.assets)
-        attempts = dataset.write_attempts(recipe)
-        write_atomic(dataset.provenance, seal(provenance(device, recipe)))
-    untried = early_stop.untried
-    parts[OPEN] -= len(untried & unfinished)
-    accepted = dataset.present(dataset.entries(recipe, ())).accepted
+            # a worker that was killed may have been writing an asset
+            sweep(dataset.assets)
+            attempts = dataset.write_attempts(recipe)
+            write_atomic(dataset.provenance, seal(provenance(device, recipe)))
+    parts[OPEN] -= sum(known[slot].todo == OPEN for slot in early_stop.untried)
+    accepted = dataset.present(recipe).accepted
     refresh(dataset, annotation_sheet)
     reasons = attempts["reason"].value_counts().to_pylist()
     return BuildResult(
         slots=len(slots) * recipe.variants,
-        accepted=sum(accepted),
-        given_up=len(accepted) - sum(accepted),
-        made=len(todo) - len(untried),
+        accepted=int(accepted.sum()),
+        given_up=int((~accepted).sum()),
+        made=len(todo) - len(early_stop.untried),
         parts=dict(+parts),
         attempts=len(attempts),
         reasons={each["values"]: each["counts"] for each in reasons if each["values"]},
@@ -148,21 +131,13 @@ def _build(dataset: Dataset, recipe: Recipe, crew: Crew, timeout: float, shown: 
     )
 
 
-def _jobs(dataset: Dataset, recipe: Recipe, known: dict[Slot, SlotState], todo: list[Slot]) -> deque[SlotJob]:
+def _jobs(dataset: Dataset, recipe: Recipe, known: dict[Slot, SlotState]) -> deque[SlotJob]:
     """What the workers are sent, in order."""
     # a failed attempt that is kept is only made with its slot
-    renewed = {slot for slot in todo if known[slot].todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"}
-    entries = {slot: record for slot, record in dataset.records(recipe) if slot in renewed} if renewed else {}
+    renewed = {slot for slot, state in known.items() if state.todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"}
+    records = {slot: record for slot, record in dataset.records(recipe) if slot in renewed} if renewed else {}
     root, code = str(dataset.root.resolve()), code_version()
-    return deque(SlotJob(root, recipe, slot, code, entries.get(slot)) for slot in todo)
-
-
-def restamp(dataset: Dataset, recipe: Recipe, ledger: LedgerWriter, slots: set[Slot]) -> None:
-    """Write down what is known of episode files that were read and found whole, so that they need not be read again."""
-    for slot, record in dataset.records(recipe) if slots else ():
-        if slot in slots:
-            with suppress(EpisodeError):
-                ledger.add(slot, replace(record, file=read_facts(dataset, slot)))
+    return deque(SlotJob(root, recipe, slot, code, records.get(slot)) for slot in known)
 
 
 def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[Slot], crew: Crew) -> None:
@@ -184,24 +159,21 @@ def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, todo: list[S
 
 @dataclass(frozen=True)
 class SlotListeners:
-    """Receives finished slots: progress display, metrics, floor of the cells, ledger."""
+    """Receives finished slots: progress display, metrics, early stop of cells, index."""
 
     progress: Progress
     metrics: Metrics
     early_stop: EarlyStop
-    ledger: LedgerWriter
-    unfinished: set[Slot]
+    writer: IndexWriter
 
     def finish(self, slot: Slot, record: SlotRecord) -> list[SlotJob]:
         """Write down a slot that ended, and return the jobs that may start now."""
-        # first: a stop while the entry is written must not withdraw the episode that the entry is of
-        self.unfinished.discard(slot)
-        self.ledger.add(slot, record)
+        self.writer.add(slot, record)
         self.progress.add(record.attempts)
         self.metrics.add(record.attempts, record.phases)
-        known = len(self.early_stop.stops)
+        before = len(self.early_stop.stops)
         ready = self.early_stop.finish(slot, record.attempts)
-        self.report_stopped(known)
+        self.report_stopped(before)
         return ready
 
     def count_lost(self) -> None:
@@ -209,15 +181,15 @@ class SlotListeners:
         self.progress.count_lost()
         self.metrics.count_lost()
 
-    def report_stopped(self, known: int = 0) -> None:
-        """Report the stopped cells after the first `known` ones."""
-        for stop in self.early_stop.stops[known:]:
+    def report_stopped(self, before: int = 0) -> None:
+        """Report the stopped cells after the first `before` ones."""
+        for stop in self.early_stop.stops[before:]:
             self.progress.count_stopped(stop.cell.path, stop.slots, stop.because)
             self.progress.write_line(stop.describe())
 
 
 def _fill(dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, listeners: SlotListeners) -> int:
-    """Have all jobs done and their entries written; the number of workers lost on the way."""
+    """Have all jobs done and their records written; the number of workers lost on the way."""
     listeners.report_stopped()
     check = NodeCheck(str(dataset.root.resolve()), code_version())
     with closing(run(slot_worker, jobs, crew, timeout, check, listeners.count_lost)) as ends:

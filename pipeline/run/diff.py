@@ -1,17 +1,16 @@
-"""`domino-data diff A B`: which slots of two datasets differ, and why. Reads both ledgers and lists both directories."""
+"""`domino-data diff A B`: which slots of two datasets differ, and why. Reads both indices and lists both directories."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.entries import Files
-from pipeline.data.ledger.records import NO_RECORD
-from pipeline.data.ledger.table import unpack_keys
 from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import unpack_keys
+from pipeline.data.rows import Listing
 
-MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its episode is gone", "other bytes, same keys"
+MISSING, GIVEN_UP, LOST, BYTES = "is not finished", "was given up", "is finished, and its file is gone", "other bytes, same keys"
 UNWANTED = "not wanted"  # what a slot is to a dataset whose recipe has no such slot
 
 
@@ -65,16 +64,17 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
 
 
 def _sides(dataset: Dataset, recipe: Recipe) -> dict[Slot, _Side]:
-    entries, files = dataset.entries(recipe, ("keys",)), Files(dataset.episodes)
-    rows = zip(entries.slots, entries.accepted, *(entries.table[n].to_pylist() for n in ("sha256", "keys")), strict=True)
-    return {slot: _Side(accepted, sha, keys, files.there(slot)) for slot, accepted, sha, keys in rows}
+    rows = dataset.rows(recipe, "sha256")
+    there = Listing(dataset.episodes, recipe).there(rows).tolist()
+    columns = zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], rows.keys.tolist(), there, strict=True)
+    return {slot: _Side(accepted, sha.hex(), rows.texts[key], here) for slot, accepted, sha, key, here in columns}
 
 
 def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | None:
     """The difference of a slot; None if there is none, or if neither dataset has the slot."""
     if a is None or b is None:
         return None if a is b else Difference(slot.path, _state(a), _state(b))
-    lost = a.accepted > a.there or b.accepted > b.there
+    lost = not (a.there and b.there)
     if a.accepted != b.accepted or lost:
         return Difference(slot.path, _state(a), _state(b), _parts(slot, a, b))
     if a.keys != b.keys or a.sha256 != b.sha256:
@@ -87,16 +87,13 @@ def _difference(slot: Slot, a: _Side | None, b: _Side | None) -> Difference | No
 def _state(side: _Side | None) -> str:
     if side is None:
         return MISSING
-    if not side.accepted:
-        return GIVEN_UP
-    return "is there" if side.there else LOST
+    if not side.there:
+        return LOST
+    return "is there" if side.accepted else GIVEN_UP
 
 
 def _parts(slot: Slot, a: _Side, b: _Side) -> tuple[str, ...]:
     """Parts of the keys that differ; not those that only follow from other parts."""
-    try:
-        first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
-    except NO_RECORD:
-        return ("keys, which cannot be read",)
+    first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
     names = [f"{kind}.{part}" for kind in vars(first) for part in getattr(first, kind).changed(getattr(second, kind))]
     return tuple(name for name in names if name not in ("render.physics", "language.physics"))

@@ -66,10 +66,13 @@ def stopped_cells(dataset: Dataset, recipe: Recipe) -> Iterator[StoppedCell]:
 
 def _first_attempts(dataset: Dataset, recipe: Recipe, floor: Floor) -> dict[Slot, Rows]:
     """The attempts at those of the first slots of every cell that are finished."""
-    entries = dataset.entries(recipe, ("attempts",))
-    first = [not slot.variant and slot.index < floor.slots for slot in entries.slots]
-    kept = entries.where(first)
-    return dict(zip(kept.slots, kept.table["attempts"].to_pylist(), strict=True))
+    rows = dataset.rows(recipe)
+    first = rows.where((rows.variants == 0) & (rows.index < floor.slots))
+    of, tried = dataset.ask(lambda index: index.attempts(first, "stage", "outcome"))
+    found: dict[Slot, list[Mapping[str, Any]]] = {slot: [] for slot in first.slots}
+    for row, (stage, outcome) in zip(of.tolist(), tried, strict=True):
+        found[first.slots[row]].append({"stage": stage, "outcome": outcome})
+    return dict(found)
 
 
 class EarlyStop:

@@ -8,6 +8,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.mirror import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
@@ -85,14 +86,14 @@ def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> s
 
 def _intact(source: Dataset, recipe: Recipe, failures: bool) -> list[Path]:
     """The episodes, or the failed attempts that are kept, after reading each. Raises ExportError if there are none."""
-    found = source.intact_failures(recipe) if failures else source.intact_episodes(recipe)
+    found = (intact_failures if failures else intact_episodes)(source, recipe)
     if found:
         return found
     if failures:
         raise ExportError(
             f"{source.root} keeps no failed attempts: its recipe has keep_failures: {recipe.keep_failures}, or none failed"
         )
-    given_up = sum(1 for _ in source.records(recipe))
+    given_up = len(source.present(recipe))
     raise ExportError(
         f"{source.root} has no finished episodes to export: of {sum(1 for _ in recipe.slots())} slots {given_up} were given up and "
         "the rest is open; `domino-data build` fills them"

@@ -15,10 +15,12 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.schema import faults
 from pipeline.data.errors import DominoError
+from pipeline.data.given_up import read_given_up
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import IRREGULAR, check_regular, printable, read_regular
 from pipeline.data.recipe.cells import Cell, Slot
+from pipeline.data.rows import GIVEN_UP
 from pipeline.data.sealed import is_unchanged
 from pipeline.data.store.mirror import fetch_below, free_space
 from pipeline.export.shared.record import read_record
@@ -74,6 +76,8 @@ def judge(job: FileJob) -> Judged:
             check_regular(path)
             if job.sha256 and file_hash(path) != job.sha256:
                 problems = [f"its bytes are not those that were written; {AGAIN}"]
+            elif job.path.endswith(GIVEN_UP):
+                read_given_up(path, job.path.removeprefix("episodes/").removesuffix(GIVEN_UP))
             elif folder in ("episodes", "failures"):
                 judged = _judge_episode(job, path)
             else:

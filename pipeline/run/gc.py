@@ -34,7 +34,7 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
 
     Orphans are episodes of no slot of the recipe, annotations of no episode, assets that no episode names, and partial files of
     dead processes of this machine. An episode that is whole and accepted is never removed: it goes to orphans/. An episode of the
-    recipe without a ledger entry stays: a resumed build writes both again. Raises Busy if another command writes the dataset,
+    recipe that the index does not know stays: a resumed build reads it. Raises Busy if another command writes the dataset,
     DatasetError if its manifest was edited, and if more than LARGE of its whole episodes belong to no
     slot; OSError if a file cannot be removed.
     """
@@ -112,9 +112,10 @@ def _set_aside(dataset: Dataset, path: Path) -> None:
 def _list_named(dataset: Dataset, recipe: Recipe, held: set[str]) -> set[str] | None:
     """The assets that episodes, stored failures and what is in orphans/ name; None if one of these cannot be read: any asset
     may be in use then."""
-    entries = dataset.entries(recipe, ("assets",))
-    named = set(entries.table["assets"].combine_chunks().flatten().to_pylist())
-    known = {f"{slot.path}.hdf5" for slot, assets in zip(entries.slots, entries.table["assets"].to_pylist(), strict=True) if assets}
+    rows = dataset.rows(recipe, "assets")
+    names = dataset.ask(lambda index: index.assets())
+    named = {names[number] for number in {int(number) for text in rows.more["assets"] for number in text.split()}}
+    known = {f"{slot.path}.hdf5" for slot in rows.where(rows.accepted).slots}
     unknown = (dataset.episodes / name for name in held - known)
     for path in (*unknown, *dataset.failures.rglob("*.hdf5"), *dataset.orphans.rglob("*.hdf5")):
         try:

@@ -10,13 +10,12 @@ from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import atomic_path, write_atomic
-from pipeline.data.dataset import CHANGED, Dataset, DatasetError
-from pipeline.data.ledger.files import LedgerWriter
-from pipeline.data.ledger.records import SlotRecord
-from pipeline.data.ledger.stamps import file_stamp
-from pipeline.data.ledger.table import pack_keys
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import SlotRecord, pack_keys
+from pipeline.data.reread import IndexWriter
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.report.page import refresh
@@ -41,7 +40,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
     The recipes may name other tasks, robots, levels, domains, speeds and numbers of episodes; the result wants all of them. Raises
     DatasetError, in one line, for recipes that differ otherwise, for slots that differ or were made by another version of the code,
-    and for an episode whose bytes differ from its ledger's; Busy if another command writes `out`; OSError if the disk refuses.
+    and for an episode whose bytes differ from its index's; Busy if another command writes `out`; OSError if the disk refuses.
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
@@ -62,8 +61,9 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 
 def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], out: Dataset, recipe: Recipe) -> Merged:
     """As `merge`, of slots that fit together, into a directory that is the recipe's."""
-    ledger, known, taken = LedgerWriter(out.ledger), dict(out.records(recipe)), [0] * len(sources)
-    try:
+    taken = [0] * len(sources)
+    with IndexWriter(out, recipe) as writer:
+        known = dict(out.records(recipe))
         for slot in recipe.slots():
             number = next((n for n, records in enumerate(held) if slot in records), None)
             if number is None:
@@ -72,9 +72,7 @@ def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], o
             record = held[number][slot]
             if known.get(slot) != record:
                 _take(sources[number], out, slot, record)
-                ledger.add(slot, record)
-    finally:
-        ledger.close()
+                writer.add(slot, record)
     for source in sources:
         for path in sorted(source.assets.rglob("*")):
             if path.is_file() and not path.name.endswith(".tmp"):
@@ -83,9 +81,8 @@ def _merge(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord]], o
     out.write_attempts(recipe)
     write_atomic(out.provenance, seal(_provenance(sources)))
     refresh(out, annotation_sheet)
-    accepted = out.present(out.entries(recipe, ())).accepted
-    wanted = sum(recipe.counts().values()) * recipe.variants
-    return Merged(wanted, sum(accepted), len(accepted) - sum(accepted), tuple(taken))
+    accepted, wanted = out.present(recipe).accepted, sum(recipe.counts().values()) * recipe.variants
+    return Merged(wanted, int(accepted.sum()), int((~accepted).sum()), tuple(taken))
 
 
 def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
@@ -149,16 +146,14 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
 
 
 def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
-    """Link or copy the episode of a slot, and the failed attempts that are kept of it."""
+    """Link or copy the file of a slot, and the failed attempts that are kept of it."""
     for row in record.attempts:
         if row.get("kept"):
             _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
-    if not record.accepted:
-        return
-    path = source.episode(slot)
-    if (not record.file.stamp or record.file.stamp != file_stamp(path)) and not source.intact(slot, record):
+    path = source.file(slot, record.accepted)
+    if _state(path) != (record.file.size, record.file.changed) and not is_intact(path, record.sha256):
         raise DatasetError(f"{path}: {CHANGED}")
-    _link(path, out.episode(slot))
+    _link(path, out.file(slot, record.accepted))
 
 
 def _take_annotations(source: Dataset, out: Dataset) -> None:
@@ -174,7 +169,7 @@ def _take_annotations(source: Dataset, out: Dataset) -> None:
 
 def _link(path: Path, to: Path) -> None:
     """Make `to` a hard link of `path`, or an atomic copy with the same modification time; another file there is replaced."""
-    if to.exists() and (os.path.samefile(path, to) or file_stamp(path) == file_stamp(to)):
+    if to.exists() and (os.path.samefile(path, to) or _state(path) == _state(to)):
         return
     with atomic_path(to) as temporary:
         temporary.unlink(missing_ok=True)
@@ -182,6 +177,12 @@ def _link(path: Path, to: Path) -> None:
             os.link(path, temporary)
         except OSError:  # another file system, or one without hard links
             shutil.copy2(path, temporary)
+
+
+def _state(path: Path) -> tuple[int, int]:
+    """Size in bytes and time of change in ns of a file."""
+    state = path.stat()
+    return state.st_size, state.st_mtime_ns
 
 
 def _provenance(sources: Sequence[Dataset]) -> dict[str, Any]:

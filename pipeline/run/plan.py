@@ -1,6 +1,5 @@
 """`domino-data plan`: what a recipe asks for, what exists, and what the rest costs in seconds and bytes. Writes nothing."""
 
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,14 +14,14 @@ from numpy.typing import NDArray
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.hdf5 import open_hdf5
 from pipeline.data.errors import DominoError
-from pipeline.data.ledger.columns import numbers, parents, single
-from pipeline.data.ledger.entries import Files
 from pipeline.data.recipe.model import Cell, Recipe, Slot
+from pipeline.data.records import sum_phases
+from pipeline.data.rows import Listing
 from pipeline.planning.warm import warm_up
+from pipeline.run.cost_model import bytes_of, seconds_of
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.run.state import PHYSICS, redo_rows, redone
-from pipeline.run.typical import bytes_of, seconds_of
 from pipeline.world.drawing.vulkan import ensure_renderer
 
 SENSORS = {"rgb": "images", "depth": "depth", "actor_segmentation": "segmentation", "pointcloud": "point clouds"}
@@ -102,7 +101,7 @@ class Cost:
 
 
 def typical(recipe: Recipe, source: str = "benchmarks") -> Cost:
-    """What an episode takes by its recipe alone (run/typical.py)."""
+    """What an episode takes by its recipe alone (run/cost_model.py)."""
     parts = bytes_of(recipe)
     return Cost(seconds_of(recipe), sum(parts.values()), source, parts=parts)
 
@@ -111,23 +110,20 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> Cost:
     """What the finished episodes of a dataset took, by at most JUDGED_BY of them; `typical` where there is none."""
     if dataset is None or not dataset.manifest.exists():
         return typical(recipe)
-    found = dataset.present(dataset.entries(recipe, ("attempts", "phases", "size")))
-    accepted = found.where(found.accepted)
-    accepted = accepted.where(_spread(len(accepted.table), JUDGED_BY))
-    table = accepted.table
-    if not len(table):
+    rows = dataset.present(recipe, "size", "seconds", "core_seconds")
+    rows = rows.where(rows.accepted)
+    rows = rows.where(_spread(len(rows), JUDGED_BY))
+    if not len(rows):
         return typical(recipe)
-    tried = single(table["attempts"])
-    spent = np.bincount(parents(tried), numbers(tried.flatten().field("seconds")), len(table))
-    phases = [_by_phase(json.loads(text)) for text in table["phases"].to_pylist()]
-    parts = mean_parts(dataset.episode(slot) for slot in accepted.where(_spread(len(table), LOOKED_AT)).slots)
-    known = [size for size in table["size"].to_pylist() if size]
-    size = float(np.mean(known)) if known else typical(recipe).size
+    of, tried = dataset.ask(lambda index: index.attempts(rows, "seconds"))
+    spent = np.bincount(of, [seconds or 0.0 for (seconds,) in tried], len(rows))
+    parts = mean_parts(dataset.episode(slot) for slot in rows.where(_spread(len(rows), LOOKED_AT)).slots)
+    size = float(np.mean(rows.more["size"]))
     return Cost(
-        float(np.mean([float(each) or clock for each, (clock, _) in zip(spent, phases, strict=True)])),
+        float(np.mean(np.where(spent, spent, rows.more["seconds"]))),
         size,
         "this dataset",
-        _mean_core([core for _, core in phases]),
+        _mean_core(rows.more["core_seconds"].tolist()),
         {name: size * part / sum(parts.values()) for name, part in parts.items()},  # of fewer files, so in their proportions
     )
 
@@ -166,15 +162,9 @@ def measure(recipe: Recipe) -> Cost:
             float(np.mean([sum(row["seconds"] for row in record.attempts) for record in accepted.values()])),
             float(np.mean([record.file.size for record in accepted.values()])),
             f"{len(accepted)} episodes measured now",
-            _mean_core([_by_phase(record.phases)[1] for record in accepted.values()]),
+            _mean_core([sum_phases(record.phases)[1] for record in accepted.values()]),
             mean_parts(dataset.episode(slot) for slot in accepted),
         )
-
-
-def _by_phase(phases: Mapping[str, float]) -> tuple[float, float]:
-    """Wall-clock and processor seconds of an episode, summed over its phases; of drawing alone if its physics is another's."""
-    core = sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
-    return sum(phases.values()) - core, core
 
 
 BOUNDS = ("tasks", "levels", "episodes", "total")
@@ -205,9 +195,10 @@ def plan(
     The estimate follows from a `cost`, by default the dataset's own record if it has one; `price` is that of one core-hour."""
     done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
     if dataset is not None and dataset.manifest.exists():
-        held, files = dataset.present(dataset.entries(recipe, ("keys", "stamp"))), Files(dataset.episodes)
-        redo = redone(recipe, held, files.there_of(held, files.listed(held)))
-        done = Counter(slot.cell for slot in held.slots)
+        rows = dataset.rows(recipe)
+        there = Listing(dataset.episodes, recipe).there(rows)
+        redo = redone(recipe, rows.where(there), there[there])
+        done = Counter(slot.cell for slot in rows.where(there).slots)
     cost = cost or cost_of(dataset, recipe)
     cells = [asdict(c) | {"episodes": count * recipe.variants, "finished": done[c]} for c, count in recipe.counts().items()]
     slots = sum(c["episodes"] for c in cells)

@@ -10,8 +10,9 @@ from pipeline.data.content import differing
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.keys import Key, file_hash
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import SlotRecord
+from pipeline.data.rows import find_slot as slot_at
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.names import installed_recipe
 from pipeline.run.slot.fill import Lost, SlotJob, fill_slot
@@ -58,7 +59,7 @@ def regenerate(dataset: Dataset, episode: str) -> Regenerated:
     with TemporaryDirectory(prefix="domino-regenerate-") as folder:
         copy = Dataset(Path(folder) / "dataset")
         copy.create(recipe)
-        record = dataset.record(slot.physical)
+        record = dataset.record(recipe, slot.physical)
         made = _make(copy, recipe, slot, record.attempts if record else ())
         stored = file_hash(path)
         differ = () if made.sha256 == stored else tuple(_differences(path, copy.episode(slot)))
@@ -71,16 +72,15 @@ def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
     if path.is_absolute() and path.is_relative_to(dataset.episodes.resolve()):
         path = path.relative_to(dataset.episodes.resolve())
     name = path.as_posix().rpartition("episodes/")[2]
-    for slot in recipe.slots():
-        if slot.path == name:
-            return slot
+    if slot := slot_at(recipe, name):
+        return slot
     first = next(recipe.slots()).path
     raise DatasetError(f"--episode {episode}: {dataset.root} has no such slot; write it as {first}")
 
 
 def _make(copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[str, Any]]) -> SlotRecord:
     """Fill the slot again, without any attempt that once killed two workers."""
-    lost = tuple(Lost(row["attempt"], row["reason"], row["seconds"]) for row in attempts if row.get("stage") == "worker")
+    lost = tuple(Lost(row["attempt"], row["reason"], row.get("seconds", 0.0)) for row in attempts if row.get("stage") == "worker")
     physical = fill_slot(SlotJob(str(copy.root), recipe, slot.physical, code_version(), lost=lost))
     if not slot.variant or not physical.accepted:
         return physical

@@ -9,14 +9,13 @@ from pipeline.crew.contract import Crew
 from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
-from pipeline.data.ledger.files import LedgerWriter
 from pipeline.data.recipe.model import Recipe, parse_recipe
+from pipeline.data.reread import IndexWriter
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.report.page import refresh
 from pipeline.run.build import ATTEMPT_SECONDS, provenance
 from pipeline.run.drawing import draw_all, work_of
-from pipeline.run.mend import from_source, mend_assets
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.drawing.vulkan import ensure_renderer
 
@@ -70,23 +69,19 @@ def render(
 def _draw(source: Dataset, out: Dataset, recipe: Recipe, crew: Crew, quiet: bool, device: str) -> RenderResult:
     """As `render`, into a directory that is the recipe's and has what it needs."""
     sweep(out.root)
-    out.ledger.compact()
-    work = work_of(source, out, recipe, recipe.slots())
-    kept = {slot for slot, record in out.records(recipe) if record.accepted} - {job.slot for job in work.jobs}
-    mend_assets(out, recipe, kept, from_source(out, source))
-    ledger = LedgerWriter(out.ledger)
     try:
-        problems = draw_all(work, ledger, crew, ATTEMPT_SECONDS, quiet)
+        with IndexWriter(out, recipe) as writer:
+            work = work_of(source, out, recipe, recipe.slots(), writer.catch_up())
+            problems = draw_all(work, writer, crew, ATTEMPT_SECONDS, quiet)
     finally:
-        ledger.close()
         out.write_attempts(recipe)
         write_atomic(out.provenance, seal(provenance(device, recipe) | {"drawn_from": _provenance(source)}))
     refresh(out, annotation_sheet)
-    accepted = out.present(out.entries(recipe, ())).accepted
+    accepted = out.present(recipe).accepted
     return RenderResult(
         slots=work.done + work.open + len(work.jobs),
-        accepted=sum(accepted),
-        given_up=len(accepted) - sum(accepted),
+        accepted=int(accepted.sum()),
+        given_up=int((~accepted).sum()),
         open=work.open,
         drawn=len(work.jobs) - len(problems),
         problems=tuple(problems),

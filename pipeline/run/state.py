@@ -1,28 +1,25 @@
-"""What of a slot is done, and what a build would do again and why."""
+"""What of a slot is done, and what a build would make again and why."""
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pyarrow.compute import MatchSubstringOptions, call_function
 
+from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.columns import codes, flags, numbers, parents, single
-from pipeline.data.ledger.entries import Entries, Files
-from pipeline.data.ledger.records import NO_RECORD
-from pipeline.data.ledger.stamps import DAMAGED
-from pipeline.data.ledger.table import unpack_keys
+from pipeline.data.intact import kept_failures
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import unpack_keys
+from pipeline.data.reread import IndexWriter
+from pipeline.data.rows import Listing, Rows
 from pipeline.registry import UnknownName
 from pipeline.run.identity.slot_keys import RecipeKeys
 
 REDO = "episode missing or damaged"  # why a slot is made again whose keys match
-FOUND = "episode found damaged by verify"  # the same of a slot whose episode `verify` has judged
+NO_ASSET = "asset missing"  # the same of a slot whose images were drawn from what is not there
 GONE = "failed attempt missing"  # the same of a slot whose failed attempts are kept
 DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "sentences"
 
@@ -30,88 +27,35 @@ DONE, OPEN, PHYSICS, IMAGES, SENTENCES = "done", "open", "physics", "images", "s
 @dataclass(frozen=True)
 class SlotState:
     """`todo` is DONE, OPEN (nothing is there), or what must be made again: PHYSICS (everything), IMAGES (from the stored state
-    log) or SENTENCES; `because` names the parts of the key that changed. `accepted` is what the ledger entry says, None if there
-    is none; `restamp` that its episode had to be read to see that it is whole: its entry has another stamp."""
+    log) or SENTENCES; `because` names the parts of the key that changed. `accepted` is what the index says, None if it has no
+    such slot."""
 
     todo: str
     because: tuple[str, ...] = ()
     accepted: bool | None = None
-    restamp: bool = False
 
 
-def _cases(recipe: Recipe, entries: Entries) -> tuple[list[SlotState | None], NDArray[np.int64]]:
-    """The states of groups of the entries (same cell, variant, keys and outcome), and the group of every row (N,).
-
-    They hold if the episodes are there; None if the keys cannot be read."""
-    keys, accepted = RecipeKeys(recipe), np.array(entries.accepted, bool)
-    numbered, texts = codes(entries.table["keys"])
-    cases = entries.ranks * (recipe.variants + 1) + np.array(entries.numbers[1], np.int64)
-    cases = (cases * 2 + accepted) * (len(texts) + 1) + numbered
-    # `equal` would import pandas
-    damaged = flags(call_function("match_like", [entries.table["stamp"]], MatchSubstringOptions(DAMAGED)))
-    cases = cases * 2 + damaged
-    _, firsts, of = np.unique(cases, return_index=True, return_inverse=True)
-    states = list[SlotState | None]()
-    for first in firsts.tolist():
-        slot = Slot(entries.cells[int(entries.ranks[first])], entries.numbers[0][first], entries.numbers[1][first])
-        text = texts[numbered[first]] if numbered[first] >= 0 else ""
-        state = _against(keys, slot, bool(accepted[first]), text, recipe.keep_failures != "none")
-        if state is not None and damaged[first] and state.todo != PHYSICS:
-            state = SlotState(PHYSICS, (FOUND,), True)
-        states.append(state)
-    return states, of
-
-
-def _state(state: SlotState | None, there: bool) -> SlotState:
-    """The state of a slot of a group, by whether its episode is there."""
-    if state is None:
-        return SlotState(OPEN)
-    if state.accepted and state.todo != PHYSICS and not there:
-        return SlotState(OPEN, (REDO,), True)
-    return state
-
-
-def entry_states(dataset: Dataset, recipe: Recipe, entries: Entries) -> Iterator[tuple[Slot, SlotState]]:
-    """Every entry's slot with its state against the keys it would have now, episodes unread. Needs `keys` and `stamp`.
+def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.int64]]:
+    """The states of groups of rows (same cell, variant, keys and outcome) if their files are there, and the group of each (N,).
 
     What was made for a task or robot that the code does not have is out of date. A slot that was given up has images and sentences
-    only where the recipe keeps failed attempts.
-    """
-    files, (cases, of) = Files(dataset.episodes), _cases(recipe, entries)
-    there = files.there_of(entries, files.listed(entries))
-    for slot, case, here in zip(entries.slots, of.tolist(), there.tolist(), strict=True):
-        yield slot, _state(cases[case], here)
+    only where the recipe keeps failed attempts."""
+    keys = RecipeKeys(recipe)
+    groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
+    groups = groups * (max(rows.texts, default=0) + 1) + rows.keys
+    _, firsts, of = np.unique(groups, return_index=True, return_inverse=True)
+    some = rows.where(firsts)
+    columns = zip(some.slots, some.accepted.tolist(), some.keys.tolist(), strict=True)
+    keeps = recipe.keep_failures != "none"
+    return [_against(keys, slot, accepted, rows.texts.get(key, ""), keeps) for slot, accepted, key in columns], of
 
 
-def redone(recipe: Recipe, entries: Entries, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
-    """How many slots, of those that `entries` holds, a build would make again, by what of them and why: as `entry_states` says one
-    by one. `keys` and `stamp` must have been read; `there` (N,) says whose episode is there."""
-    (cases, of), found = _cases(recipe, entries), Counter[tuple[str, tuple[str, ...]]]()
-    for here in (True, False):
-        counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
-        for state, number in zip(cases, counts, strict=True):
-            state = _state(state, here)
-            if state.todo not in (DONE, OPEN):
-                found[state.todo, state.because] += number
-    return +found
-
-
-def redo_rows(redo: Mapping[tuple[str, tuple[str, ...]], int]) -> list[dict[str, Any]]:
-    """What `redone` counted as plain data: {"what", "because", "slots"}, sorted."""
-    return [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())]
-
-
-def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A line for each of `redo_rows`."""
-    return [f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in rows]
-
-
-def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState | None:
-    """The state of a slot whose episode is there; None for keys that cannot be read. `keeps`: failed attempts are files, too."""
+def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: bool) -> SlotState:
+    """The state of a slot whose file is there. `keeps`: failed attempts are files, too."""
     try:
         held = unpack_keys(slot, text)
-    except NO_RECORD:
-        return None
+    except (ValueError, TypeError, AttributeError, KeyError):
+        return SlotState(OPEN)
     try:
         keys = wanted.of(slot)
     except UnknownName as unknown:
@@ -126,50 +70,73 @@ def _against(wanted: RecipeKeys, slot: Slot, accepted: bool, text: str, keeps: b
     return SlotState(SENTENCES, sentences, accepted) if sentences else SlotState(DONE, (), accepted)
 
 
+def _with_file(state: SlotState, there: bool) -> SlotState:
+    """The state of a slot of a group, by whether its file is there."""
+    if there or state.todo == PHYSICS:
+        return state
+    return SlotState(OPEN, (REDO,) if state.accepted else (), state.accepted)
+
+
+def _each(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Iterator[SlotState]:
+    """The state of every row, by which of their files (N,) are there."""
+    cases, of = judge_keys(recipe, rows)
+    return (_with_file(cases[case], here) for case, here in zip(of.tolist(), there.tolist(), strict=True))
+
+
 def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]:
-    """Every slot of a recipe with its state now, episodes unread: whether their bytes are the ledger's is for `read_states`."""
-    found, none = dict(entry_states(dataset, recipe, dataset.entries(recipe, ("keys", "stamp")))), SlotState(OPEN)
+    """Every slot of a recipe with its state now, files unread: whether they are what was written is for `missing`."""
+    rows, none = dataset.rows(recipe), SlotState(OPEN)
+    each = _each(recipe, rows, Listing(dataset.episodes, recipe).there(rows))
+    found = dict(zip(rows.slots, each, strict=True))
     return ((slot, found.get(slot, none)) for slot in recipe.slots())
 
 
-def read_states(dataset: Dataset, recipe: Recipe, slots: Iterable[Slot]) -> Iterator[tuple[Slot, SlotState]]:
-    """Slots of a recipe, in order, with their states after a check of every episode file.
-
-    A slot is to be made from scratch if its episode's bytes differ from the ledger's or a stored failure is missing. A file with
-    the stamp of its entry (length and time of its last change) has not been written since; every other one is read, on as many
-    threads as there are cores.
-    """
-    entries, wanted = dataset.entries(recipe, ("keys", "stamp", "attempts")), list(slots)
-    files, (cases, of) = Files(dataset.episodes), _cases(recipe, entries)
-    there = files.there_of(entries, files.listed(entries))
-    found, doubtful = dict[Slot, SlotState](), list[tuple[Slot, str]]()
-    columns = (entries.table[name].to_pylist() for name in ("sha256", "stamp"))
-    rows = zip(entries.slots, of.tolist(), there.tolist(), files.stamps(entries), *columns, strict=True)
-    for slot, case, here, stamp, sha256, seen in rows:
-        state = found[slot] = _state(cases[case], here)
-        if state.accepted and state.todo not in (OPEN, PHYSICS) and (not seen or stamp != seen):
-            doubtful.append((slot, sha256))
-    asked = set(wanted) if doubtful else ()
-    doubtful = [(slot, sha256) for slot, sha256 in doubtful if slot in asked]
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-        whole = threads.map(lambda pair: dataset.hashed(*pair), doubtful)
-        for (slot, _), same in zip(doubtful, whole, strict=True):
-            found[slot] = replace(found[slot], restamp=True) if same else SlotState(PHYSICS, (REDO,), True)
-    for slot in _lacking(dataset, entries) if recipe.keep_failures != "none" else ():
-        if found[slot].todo != OPEN:
-            found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
+def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot, SlotState]:
+    """The physical slots of a recipe that are not done, in order, after a look at every file: one that was written since it was
+    last read is read, and its slot made again if it has other bytes; so is one whose stored failures are missing."""
+    damaged, rows = writer.catch_up(), writer.index.rows(recipe, "assets")
+    rows = rows.where(rows.variants == 0)
+    there = Listing(dataset.episodes, recipe).there(rows)
+    found = dict(zip(rows.slots, _each(recipe, rows, there), strict=True))
+    for slot in damaged & found.keys():
+        found[slot] = SlotState(PHYSICS, (REDO,), found[slot].accepted)
+    for slot in _without_assets(dataset, rows, writer.index.assets()):
+        if found[slot].todo in (DONE, SENTENCES):
+            found[slot] = SlotState(IMAGES, (NO_ASSET,), True)
+    if recipe.keep_failures != "none":
+        for slot in {slot for slot, path, _ in kept_failures(dataset, recipe) if not path.exists()}:
+            if found[slot].todo != OPEN:
+                found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     none = SlotState(OPEN)
-    for slot in wanted:
-        yield slot, found.get(slot, none)
+    return {slot: state for slot in recipe.physical_slots() if (state := found.get(slot, none)).todo != DONE}
 
 
-def _lacking(dataset: Dataset, entries: Entries) -> Iterator[Slot]:
-    """Slots of which a failed attempt that is kept is missing."""
-    column = single(entries.table["attempts"])
-    attempts, rows = column.flatten(), parents(column)
-    of, names = codes(attempts.field("kept"))
-    tried = numbers(attempts.field("attempt"))
-    for each in np.flatnonzero(np.array([bool(name) for name in (*names, "")])[of]).tolist():
-        slot = entries.slots[rows[each]]
-        if not dataset.failure(slot, int(tried[each])).exists():
-            yield slot
+def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
+    """The slots of those rows of which an asset is missing; `names` are those of all assets by number."""
+    there = AssetStore(dataset.bodies).keys()
+    absent = {str(number) for number, name in names.items() if name not in there}
+    if not absent:
+        return []
+    return rows.where(np.array([not absent.isdisjoint(named.split()) for named in rows.more["assets"]], bool)).slots
+
+
+def redone(recipe: Recipe, rows: Rows, there: NDArray[np.bool_]) -> Counter[tuple[str, tuple[str, ...]]]:
+    """How many slots a build would make again, by what of them and why; `there` (N,) says whose file is there."""
+    (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
+    for here in (True, False):
+        counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
+        for state, number in zip(cases, counts, strict=True):
+            state = _with_file(state, here)
+            if state.todo not in (DONE, OPEN):
+                found[state.todo, state.because] += number
+    return +found
+
+
+def redo_rows(redo: Mapping[tuple[str, tuple[str, ...]], int]) -> list[dict[str, Any]]:
+    """What `redone` counted as plain data: {"what", "because", "slots"}, sorted."""
+    return [{"what": what, "because": list(because), "slots": n} for (what, because), n in sorted(redo.items())]
+
+
+def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """A line for each of `redo_rows`."""
+    return [f"a build would make the {r['what']} of {r['slots']} slots again: changed {', '.join(r['because'])}" for r in rows]

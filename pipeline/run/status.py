@@ -1,5 +1,6 @@
-"""`domino-data status`: what a dataset holds, by its ledger and a listing of its episode files. Opens no episode."""
+"""`domino-data status`: what a dataset holds, by its index and a listing of its files. Opens no episode."""
 
+import json
 from collections import Counter
 from dataclasses import asdict
 from typing import Any
@@ -8,17 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.columns import lengths, single
-from pipeline.data.ledger.entries import Entries, Files
-from pipeline.data.ledger.table import ONE
 from pipeline.data.pairs import pairs_in
+from pipeline.data.rows import Listing, Rows
 from pipeline.run.early_stop import stopped_cells
 from pipeline.run.names import installed_recipe
 from pipeline.run.state import redo_rows, redone
 from pipeline.stages.reasons import reasons_in
-
-_READ = ("seed", "outcome", "stage", "reason", "detail", "conditions")
-"""Columns of the attempts that are read: what the ledger's entries are judged by, and what the reasons of failures are made of."""
 
 
 def status(dataset: Dataset) -> dict[str, Any]:
@@ -31,21 +27,19 @@ def status(dataset: Dataset) -> dict[str, Any]:
     recipe's floor stops, as {"cell", "slots", "because"}.
     """
     recipe = installed_recipe(dataset)
-    entries = dataset.entries(recipe, ("keys", "stamp", *(f"{ONE}{name}" for name in _READ)))
-    files = Files(dataset.episodes)
-    listed = files.listed(entries)
-    redo = redone(recipe, entries, files.there_of(entries, listed))
-    there = entries.where(listed | ~np.array(entries.accepted, bool))
-    tried, accepted = single(there.table["attempts"]), np.array(there.accepted, bool)
+    rows = dataset.rows(recipe)
+    listed = Listing(dataset.episodes, recipe).there(rows)
+    redo, there = redone(recipe, rows, listed), rows.where(listed)
+    of, tried = dataset.ask(lambda index: index.attempts(there, "stage", "reason", "detail", "conditions"))
     counted = {
         "wanted": [number * recipe.variants for number in recipe.counts().values()],
-        "accepted": _by_cell(there, accepted),
-        "given_up": _by_cell(there, ~accepted),
-        "attempts": _by_cell(there, lengths(tried)),
+        "accepted": _by_cell(there, there.accepted),
+        "given_up": _by_cell(there, ~there.accepted),
+        "attempts": _by_cell(there, np.bincount(of, minlength=len(there))),
     }
     total = {name: sum(counts) for name, counts in counted.items()}
-    solved = int((accepted & (np.array(there.numbers[1]) == 0)).sum())
-    failures = reasons_in(tried.flatten())
+    solved = int((there.accepted & (there.variants == 0)).sum())
+    failures = reasons_in((stage, reason, detail, json.loads(names or "[]")) for stage, reason, detail, names in tried)
     by_reason = Counter[str]()
     for failure in failures:
         by_reason[failure.reason] += failure.attempts
@@ -62,6 +56,6 @@ def status(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def _by_cell(entries: Entries, values: NDArray[Any]) -> list[int]:
+def _by_cell(rows: Rows, values: NDArray[Any]) -> list[int]:
     """The sum of some values (N,) of the rows, for every cell."""
-    return np.bincount(entries.ranks, weights=values, minlength=len(entries.cells)).astype(int).tolist()
+    return np.bincount(rows.ranks, weights=values, minlength=len(rows.cells)).astype(int).tolist()

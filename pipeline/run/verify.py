@@ -14,8 +14,10 @@ from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.crew.ray_session import session
 from pipeline.data.dataset import EDITED, Dataset
+from pipeline.data.intact import kept_failures
 from pipeline.data.reading import printable
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.rows import EPISODE
 from pipeline.data.store.mirror import mirror_of
 from pipeline.registry import UnknownName
 from pipeline.run.file_checks import AGAIN, FileJob, Judged, judge
@@ -39,8 +41,8 @@ def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, a
     """
     recipe, crew = dataset.recipe(), crew or Crew()
     problems = [f"{dataset.manifest.name}: {EDITED}"] if dataset.is_edited() else []
-    slots = {} if problems else {f"episodes/{slot.path}.hdf5": slot for slot in recipe.slots()}
-    paths, recorded = list(_files_of(dataset)), _recorded(dataset, recipe) if slots else {}
+    slots = {} if problems else {_name(dataset, slot, done): slot for slot in recipe.slots() for done in (True, False)}
+    paths, recorded = dict.fromkeys(_files_of(dataset)), _recorded(dataset, recipe) if slots else {}
     if slots:
         problems += _strays(paths, {*slots, *recorded})
         lost = sorted({path for path, sha256 in recorded.items() if sha256} - set(paths))
@@ -48,7 +50,7 @@ def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, a
     with session(crew), tqdm(unit="file", disable=not progress, dynamic_ncols=True) as bar:
         jobs = list(_jobs(dataset, recipe, slots, recorded, paths))
         judged = list(_each(judge, jobs, crew, bar))
-        sound = [each for each in judged if each.path.startswith("episodes/") and not each.problems]
+        sound = [each for each in judged if each.path.startswith("episodes/") and each.path.endswith(EPISODE) and not each.problems]
         fresh = [each.path for each in sound if slots and not each.stale]
         chosen = np.random.default_rng().permutation(len(fresh))[:again]
         jobs = [FileJob(str(dataset.root), fresh[number]) for number in sorted(chosen.tolist())]
@@ -61,7 +63,7 @@ def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, a
         "problems": [printable(problem) for problem in problems],
         "files": len(judged),
         "episodes": len(sound),
-        "open": len(slots.keys() - recorded.keys() - set(paths)),
+        "open": len({*slots.values()} - {slot for path, slot in slots.items() if path in recorded or path in paths}),
         "stale": sum(each.stale for each in judged),
         "again": [f"{each.path}: made again, {each.note}" for each in made if each.note],
     }
@@ -94,12 +96,16 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
 
 
 def _recorded(dataset: Dataset, recipe: Recipe) -> dict[str, str]:
-    """The sha256 of every file that the index knows, by path; "" for a slot that was given up."""
-    entries = dataset.entries(recipe, ())
-    hashes = zip(entries.slots, entries.table["sha256"].to_pylist(), strict=True)
-    known = {f"episodes/{slot.path}.hdf5": sha256 for slot, sha256 in hashes}
-    kept = dataset.kept_failures(recipe)
-    return known | {path.relative_to(dataset.root).as_posix(): row["kept"] for path, row in kept}
+    """The sha256 of every file of a slot, and of every failed attempt that is kept, by path."""
+    rows = dataset.rows(recipe, "sha256")
+    found = zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True)
+    known = {_name(dataset, slot, accepted): sha256.hex() for slot, accepted, sha256 in found}
+    return known | {path.relative_to(dataset.root).as_posix(): sha256 for _, path, sha256 in kept_failures(dataset, recipe)}
+
+
+def _name(dataset: Dataset, slot: Slot, accepted: bool) -> str:
+    """The path of the file of a slot below the dataset's directory."""
+    return dataset.file(slot, accepted).relative_to(dataset.root).as_posix()
 
 
 def _strays(paths: Iterable[str], known: set[str]) -> Iterator[str]:

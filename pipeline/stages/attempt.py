@@ -48,7 +48,7 @@ class Phases:
             self.cpu[name] += time.process_time() - worked
 
     def record(self) -> dict[str, float]:
-        """For the ledger: wall seconds by phase, processor seconds under the same names with ".cpu"."""
+        """For the index: wall seconds by phase, processor seconds under the same names with ".cpu"."""
         return dict(self.seconds) | {f"{name}.cpu": seconds for name, seconds in self.cpu.items()}
 
 

@@ -1,22 +1,16 @@
 """Failed attempts by reason: how many, what exactly, which conditions did not hold, and what to change first."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-import pyarrow as pa
-
-from pipeline.data.ledger.columns import codes, mask_of
-from pipeline.data.ledger.records import ATTEMPTS
 from pipeline.stages.hints import hint_of, refusals
 
 if TYPE_CHECKING:  # it imports the simulator
     from pipeline.stages.failure import Failure
 
 EXAMPLES = 6  # conditions named at most
-_READ = pa.struct([ATTEMPTS.field(name) for name in ("stage", "reason", "detail", "conditions")])
 
 
 @dataclass(frozen=True)
@@ -40,26 +34,19 @@ class Reason:
 
 def reasons_of(failures: Iterable["Failure"]) -> list[Reason]:
     """As `reasons_in`, of some failures."""
-    rows = [{name: getattr(failure, name) for name in _READ.names} for failure in failures]
-    return reasons_in(pa.array(rows, _READ))
+    return reasons_in((each.stage, each.reason, each.detail, each.conditions) for each in failures)
 
 
-def reasons_in(attempts: pa.StructArray) -> list[Reason]:
-    """The failed among some attempts, rows with stage, reason, detail and conditions; the most frequent reason first."""
-    (of_stage, stages), (of_reason, names) = codes(attempts.field("stage")), codes(attempts.field("reason"))
-    failed = np.array([bool(name) for name in (*names, "")])[of_reason]
-    found = list[Reason]()
-    for reason, stage in np.unique(np.stack([of_reason, of_stage])[:, failed], axis=1).T.tolist():
-        rows = attempts.filter(mask_of((of_reason == reason) & (of_stage == stage)))
-        details = [detail or "" for detail in rows.field("detail").to_pylist()]
-        conditions = _count(rows.field("conditions").flatten())
-        found.append(_reason(stages[stage] if stage >= 0 else "", names[reason], details, conditions))
+def reasons_in(attempts: Iterable[tuple[str | None, str | None, str | None, Sequence[str]]]) -> list[Reason]:
+    """The failed among some attempts (stage, reason, detail, conditions that did not hold); the most frequent reason first."""
+    details, conditions = defaultdict[tuple[str, str], list[str]](list), defaultdict[tuple[str, str], Counter[str]](Counter)
+    for stage, reason, detail, failed in attempts:
+        if reason:
+            details[stage or "", reason].append(detail or "")
+            if failed:
+                conditions[stage or "", reason].update(failed)
+    found = [_reason(*kind, texts, conditions[kind]) for kind, texts in details.items()]
     return sorted(found, key=lambda r: (-r.attempts, r.stage, r.reason))
-
-
-def _count(values: pa.Array) -> Counter[str]:
-    numbered, different = codes(values)
-    return Counter(dict(zip(different, np.bincount(numbered, minlength=len(different)).tolist(), strict=True)))
 
 
 def _reason(stage: str, reason: str, details: Sequence[str], conditions: Counter[str]) -> Reason:

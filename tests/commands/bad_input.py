@@ -250,7 +250,7 @@ CASES = [
         ("--format lerobot --gop 0", "--gop"),
         ("--format lerobot-v2.1 --crf low", "--crf"),
         ("--format parquet --out data/episodes/x", "episodes"),
-        ("--format parquet --out data/ledger", "ledger"),
+        ("--format parquet --out data/assets", "assets"),
         ("--format parquet --out data", "data"),
         ("--format parquet --out .", "holds the dataset"),
         ("--format parquet --out file", "file"),
@@ -331,7 +331,7 @@ CASES = [
         ("--out data/episodes/pages", "inside the dataset"),
         ("--out .", "holds it"),
         ("--rerun foreign", "thesis.txt"),
-        ("--rerun data/ledger", "inside the dataset"),
+        ("--rerun data/assets", "inside the dataset"),
         ("--out memory://pages", "memory://"),
     ),
     *cases(

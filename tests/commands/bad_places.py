@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.keys import Key, SlotKeys
 from pipeline.run.names import recipe_from
+from tests.recording import record_file
 from tests.synthetic import make_episode
 
 BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
@@ -146,8 +146,7 @@ def _datasets(root: Path) -> None:
     for slot in recipe.slots():
         make_episode(dataset.episode(slot), frames=3)
         keys = SlotKeys(Key({"core": "x"}), Key({"looks": "x"}), Key({"phrases": "x"}))
-        row = {"seed": recipe.spec(slot, 0).seed, "outcome": "accepted", "seconds": 1.0}
-        dataset.ledger.add([(slot, SlotRecord(keys, True, file_hash(dataset.episode(slot)), (row,), {}))])
+        record_file(dataset, slot, keys, [{"attempt": 0, "seed": recipe.spec(slot, 0).seed, "outcome": "accepted", "seconds": 1.0}])
     for name, text in {
         "no-manifest": None,
         "bad-manifest": "levels: [9]\n",

@@ -1,4 +1,4 @@
-"""A dataset directory: its recipe, its ledger, its attempts."""
+"""A dataset directory: its recipe, its index, its attempts."""
 
 import errno
 from pathlib import Path
@@ -7,10 +7,12 @@ import pytest
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.ledger.records import ATTEMPTS, SlotRecord
+from pipeline.data.intact import intact_episodes
+from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.parsing import parse_json
 from pipeline.data.recipe.model import parse_recipe
+from pipeline.data.records import ATTEMPTS
+from tests import recording
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
 SLOT = next(iter(RECIPE.slots()))
@@ -25,12 +27,8 @@ def attempt_row(number, outcome="accepted"):
 
 
 def finish(dataset, slot, accepted=True):
-    """A slot as `fill_slot` leaves it."""
-    path = dataset.episode(slot)
-    write_atomic(path, b"episode")
-    rows = (attempt_row(0, "failed"), attempt_row(1)) if accepted else (attempt_row(0, "failed"),)
-    sha = file_hash(path) if accepted else ""
-    dataset.ledger.add([(slot, SlotRecord(KEYS, accepted, sha, rows, {"render": 1.0}))])
+    rows = [attempt_row(0, "failed"), attempt_row(1)] if accepted else [attempt_row(0, "failed")]
+    recording.finish(dataset, slot, KEYS, rows)
 
 
 def everything(root):
@@ -159,15 +157,6 @@ def test_a_damaged_manifest_is_one_clear_line(tmp_path):
         assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"attempts": 3}', b"\xff\xfe"])
-def test_a_damaged_ledger_entry_counts_as_none(tmp_path, damage):
-    dataset = Dataset(tmp_path)
-    write_atomic(dataset.episode(SLOT), b"episode")
-    write_atomic(tmp_path / "ledger" / f"{SLOT.path}.json", damage)
-    assert dataset.record(SLOT) is None
-    assert list(dataset.records(RECIPE)) == []
-
-
 def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
     dataset = Dataset(tmp_path)
     dataset.create(RECIPE)
@@ -178,30 +167,11 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
     assert table.schema == ATTEMPTS
     assert table.column("outcome").to_pylist() == ["failed", "accepted", "failed", "accepted", "failed"]
     assert not [p for p in everything(tmp_path) if p.endswith(".tmp")]
-    record = dataset.record(slots[1])
-    assert record is not None and record.phases == {"render": 1.0}
+    record = dataset.record(RECIPE, slots[1])
+    assert record is not None and sum(record.phases.values()) == 1.0
 
 
 # --- what stands in its place -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"sim_steps": 10**30}, "sim_steps"),
-        ({"level": 128}, "level"),
-        ({"attempt": True}, "attempt"),
-        ({"seconds": float("inf")}, "Out of range float"),
-        ({"seconds": 2**53 + 2}, "seconds"),
-        ({"detail": "\ud800"}, "surrogates"),
-        ({"conditions": ["near", 3]}, "conditions"),
-    ],
-)
-def test_a_ledger_entry_holds_only_what_the_table_of_attempts_can(change, said):
-    row = attempt_row(0) | change
-    text = SlotRecord(KEYS, True, "0" * 64, (row,), {}).to_json()
-    with pytest.raises(ValueError, match=said):
-        SlotRecord.from_values(parse_json(text))
 
 
 @pytest.mark.parametrize(
@@ -212,7 +182,7 @@ def test_json_that_is_refused(text, said):
         parse_json(text)
 
 
-@pytest.mark.parametrize("name", ["annotations", "assets", "episodes", "exports", "ledger", "report"])
+@pytest.mark.parametrize("name", ["annotations", "assets", "episodes", "exports", "report"])
 def test_a_file_where_a_directory_belongs_is_named(tmp_path, name):
     dataset = Dataset(tmp_path)
     dataset.create(RECIPE)
@@ -239,21 +209,7 @@ def test_what_may_not_be_read_is_neither_absent_nor_damaged(tmp_path, monkeypatc
     with monkeypatch.context() as patch:
         patch.setattr("pipeline.data.keys.open_regular", refuse)
         with pytest.raises(DatasetError, match=r"hdf5: cannot be read \(Permission denied\)"):
-            dataset.intact_episodes(RECIPE)
-    monkeypatch.setattr("pipeline.data.ledger.files.read_regular", refuse)
-    with pytest.raises(PermissionError):
-        list(dataset.records(RECIPE))
-
-
-@pytest.mark.parametrize("target", ["nowhere", "episode_0000000.hdf5"])
-def test_a_link_that_leads_nowhere_is_no_episode_less(tmp_path, target):
-    dataset = Dataset(tmp_path)
-    dataset.create(RECIPE)
-    finish(dataset, SLOT)
-    dataset.episode(SLOT).unlink()
-    dataset.episode(SLOT).symlink_to(target)
-    with pytest.raises(DatasetError, match="cannot be read"):
-        dataset.intact_episodes(RECIPE)
+            intact_episodes(dataset, RECIPE)
 
 
 def test_finished_episodes_that_are_missing_are_counted_and_the_first_is_named(tmp_path):
@@ -262,14 +218,13 @@ def test_finished_episodes_that_are_missing_are_counted_and_the_first_is_named(t
     slots = list(RECIPE.slots())
     for slot, accepted in zip(slots, (True, True, True, False), strict=True):
         finish(dataset, slot, accepted)
-    dataset.episode(slots[3]).unlink()  # given up: no episode belongs there
-    assert dataset.missing(RECIPE) == [] and len(dataset.intact_episodes(RECIPE)) == 3
+    assert dataset.missing(RECIPE) == [] and len(intact_episodes(dataset, RECIPE)) == 3
     dataset.episode(slots[2]).unlink()
     with pytest.raises(
         DatasetError, match=rf"^1 episode is missing that .*, first {dataset.episode(slots[2])}; rerun the build command"
     ):
-        dataset.intact_episodes(RECIPE)
+        intact_episodes(dataset, RECIPE)
     dataset.episode(slots[0]).unlink()
     with pytest.raises(DatasetError, match=rf"^2 episodes are missing that .*, first {dataset.episode(slots[0])};"):
-        dataset.intact_episodes(RECIPE)
+        intact_episodes(dataset, RECIPE)
     assert dataset.missing(RECIPE) == [dataset.episode(slots[0]), dataset.episode(slots[2])]

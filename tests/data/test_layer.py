@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.recipe.model import parse_recipe
+from tests.recording import record_file
 from tests.synthetic import make_episode
 
 ROOT = Path(__file__).parents[2]
@@ -42,8 +42,8 @@ def test_a_dataset_is_read_without_the_simulator(tmp_path):
     dataset.create(recipe)
     keys = SlotKeys(Key({}), Key({}), Key({}))
     for slot in recipe.slots():
-        path = make_episode(dataset.episode(slot), task=slot.cell.task, embodiment=slot.cell.embodiment, frames=3)
-        dataset.ledger.add([(slot, SlotRecord(keys, True, file_hash(path), (), {}))])
+        make_episode(dataset.episode(slot), task=slot.cell.task, embodiment=slot.cell.embodiment, frames=3)
+        record_file(dataset, slot, keys)
     done = subprocess.run(
         [sys.executable, "-c", READ, str(dataset.root)], capture_output=True, text=True, cwd=ROOT, check=False, timeout=120
     )

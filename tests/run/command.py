@@ -58,20 +58,21 @@ def build(out, *more, **options):
 
 
 def slots(out):
-    return sorted(slot.path for slot, _ in Dataset(out).ledger.entries())
+    dataset = Dataset(out)
+    return sorted(slot.path for slot in dataset.rows(dataset.recipe()).slots) if dataset.index.exists() else []
 
 
-def contents(out):
-    """What must not depend on who built it: episode bytes, ledger and attempts without times, recipe and provenance."""
-    ledger = {}
-    for slot, record in Dataset(out).ledger.entries():
-        assert record.phases and record.file.stamp and all(record.file.assets.values())
-        assert all(row.pop("seconds") > 0 for row in record.attempts)
-        file = replace(record.file, stamp="", assets=dict.fromkeys(record.file.assets))
-        ledger[slot] = replace(record, phases={}, file=file)
+def contents(out, timed=True):
+    """What must not depend on who built it: bytes of episodes, records and attempts without times, recipe and provenance."""
+    records, dataset = {}, Dataset(out)
+    for slot, record in dataset.records(dataset.recipe()):
+        assert record.file.changed and record.file.assets
+        assert sum(record.phases.values()) > 0 or not timed
+        assert all(row.pop("seconds", 0) > 0 or not timed for row in record.attempts)
+        records[slot] = replace(record, phases={}, file=replace(record.file, changed=0))
     rows = pq.read_table(out / "attempts.parquet").drop_columns("seconds").to_pylist()
-    files = [*out.glob("episodes/**/*.hdf5"), out / "manifest.yaml", out / "provenance.json"]
-    return {p.relative_to(out).as_posix(): p.read_bytes() for p in files}, ledger, rows
+    files = [*out.glob("episodes/**/*.*"), out / "manifest.yaml", out / "provenance.json"]
+    return {p.relative_to(out).as_posix(): p.read_bytes() for p in files}, records, rows
 
 
 def temporaries(out):

@@ -8,8 +8,7 @@ import pytest
 from pipeline.crew.contract import Done
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
-from pipeline.data.ledger.records import FileFacts, SlotRecord
-from pipeline.data.ledger.stamps import file_stamp
+from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.run import build
 from pipeline.run.identity.slot_keys import slot_keys
 from tests.run.command import WANTED, inside
@@ -24,8 +23,8 @@ def failing_after_one(number):
         path.parent.mkdir(parents=True)
         path.write_bytes(b"an episode")
         row = {"attempt": 0, "seed": job.recipe.spec(job.slot, 0).seed, "outcome": "accepted", "reason": "", "seconds": 1.0}
-        facts = FileFacts(10, file_stamp(path), 3)
-        yield Done(job, SlotRecord(slot_keys(job.recipe, job.slot), True, file_hash(path), (row,), {}, file=facts))
+        keys, facts = slot_keys(job.recipe, job.slot), FileFacts.of(path.stat(), 3)
+        yield Done(job, SlotRecord(keys, True, file_hash(path), (row,), {}, facts))
         raise OSError(number, os.strerror(number), "/mnt/set/episodes/e.hdf5")
 
     return run

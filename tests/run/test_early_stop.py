@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Cell, Floor, RecipeError, Slot, parse_recipe
 from pipeline.run.early_stop import EarlyStop, judge, stopped_cells
 from pipeline.run.slot.fill import SlotJob
 from tests.data.test_dataset import KEYS, attempt_row
+from tests.recording import finish
 
 CELL = Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
 RECIPE = parse_recipe(
@@ -51,6 +51,7 @@ def test_a_cell_stops_where_its_first_attempts_are_accepted_too_seldom():
 @given(st.integers(1, 7), st.integers(0, 2**32))
 def test_the_same_slots_are_tried_whatever_the_order_in_which_they_end(tmp_path_factory, workers, seed):
     dataset, chance = Dataset(tmp_path_factory.getbasetemp() / "nothing"), Random(seed)
+    dataset.create(RECIPE)
     jobs = jobs_of(RECIPE.physical_slots())
     early_stop, running, made = EarlyStop(dataset, RECIPE, jobs), list[SlotJob](), list[Slot]()
     while jobs or running:
@@ -65,15 +66,14 @@ def test_the_same_slots_are_tried_whatever_the_order_in_which_they_end(tmp_path_
     assert early_stop.untried == {*RECIPE.physical_slots()} - wanted
 
 
-def test_a_build_goes_on_with_what_its_ledger_judges(tmp_path):
+def test_a_build_goes_on_with_what_its_index_holds(tmp_path):
     dataset = Dataset(tmp_path)
     dataset.create(RECIPE)
     slots = list(RECIPE.physical_slots())
     done = [slot for slot in slots if slot.index < 2 and slot.cell.task == "click_bell"]
     for slot in done:
         rows = tuple(row | {"task": slot.cell.task, "level": slot.cell.level} for row in outcome(slot))
-        accepted = rows[-1]["outcome"] == "accepted"
-        dataset.ledger.add([(slot, SlotRecord(KEYS, accepted, "0" * 64 if accepted else "", rows, {}))])
+        finish(dataset, slot, KEYS, rows)
     jobs = jobs_of(slot for slot in slots if slot not in done)
     early_stop = EarlyStop(dataset, RECIPE, jobs)
     ready = {job.slot for job in jobs}

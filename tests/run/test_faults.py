@@ -12,8 +12,8 @@ import pytest
 from pipeline.crew.contract import Crew, Steps
 from pipeline.data.atomic import temporary_name
 from pipeline.data.dataset import Dataset
-from pipeline.data.ledger.records import SlotRecord
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.records import SlotRecord
 from pipeline.run import build as build_module
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
@@ -22,7 +22,6 @@ from pipeline.run.slot.fill import Lost, SlotJob, fill_logged, fill_slot, slot_w
 from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
 from tests.run.processes import of_session, shared_memory, title, wait_for, workers
-from tests.synthetic import make_episode
 
 RECIPE = recipe_from({"tasks": "click_bell", "embodiments": "aloha", "levels": [1], "episodes": 3, "attempts": 4})
 
@@ -82,7 +81,7 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
     dataset = Dataset(tmp_path / "out")
     assert not temporaries(dataset.root)
     for one, its_seeds in zip(RECIPE.slots(), seeds(RECIPE), strict=True):
-        record = dataset.record(one)
+        record = dataset.record(RECIPE, one)
         assert record is not None
         rows = record.attempts
         assert [row["seed"] for row in rows] == its_seeds
@@ -92,17 +91,6 @@ def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_pat
             assert row["outcome"] == "failed"
         logged = dataset.log(one).read_text()
         assert all(f"attempt {row['attempt']}, seed {row['seed']}: {row['stage']}: {row['reason']}" in logged for row in rows)
-
-
-def test_an_episode_whose_entry_did_not_come_is_removed(tmp_path, monkeypatch):
-    def stopped(job: SlotJob) -> SlotRecord:
-        make_episode(Dataset(Path(job.root)).episode(job.slot), frames=2)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(build_module, "slot_worker", lambda: stopped)
-    with pytest.raises(KeyboardInterrupt):
-        build_module.build(tmp_path / "out", RECIPE, Crew(), shown="none")
-    assert not list(tmp_path.rglob("*.hdf5"))
 
 
 def test_lost_attempts_are_recorded_and_not_tried(tmp_path, monkeypatch):

@@ -8,9 +8,8 @@ import h5py
 import pytest
 
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.intact import intact_failures
 from pipeline.data.keys import Key, SlotKeys, file_hash
-from pipeline.data.ledger.records import FileFacts, SlotRecord
-from pipeline.data.ledger.stamps import file_stamp
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.store.files import Store
 from pipeline.data.store.lock import exclusive
@@ -20,6 +19,7 @@ from pipeline.run.diff import diff
 from pipeline.run.gc import collect
 from pipeline.run.merge import merge
 from pipeline.run.regenerate import find_slot
+from tests.recording import record_file
 from tests.run.command import inside
 from tests.synthetic import make_episode
 
@@ -28,11 +28,10 @@ KEYS = SlotKeys(Key({"core": "1"}), Key({"renderer": "2"}), Key({"phrases": "3"}
 ASSET = "ab" + "0" * 30
 
 
-def record_of(dataset, slot, keys=KEYS):
-    path = dataset.episode(slot)
-    row = {"seed": dataset.recipe().spec(slot, 0).seed, "attempt": 0, "outcome": "accepted", "seconds": 1.0, "sim_steps": 8}
-    file = FileFacts(path.stat().st_size, file_stamp(path), 3, {ASSET: "1-1"})
-    return SlotRecord(keys, True, file_hash(path), (row | {"stage": "", "reason": ""},), {}, file=file)
+def record(dataset, slot, keys=KEYS, *failed):
+    seed = dataset.recipe().spec(slot, 0).seed
+    row = {"attempt": len(failed), "seed": seed, "outcome": "accepted", "seconds": 1.0, "sim_steps": 8, "stage": "", "reason": ""}
+    return record_file(dataset, slot, keys, [*failed, row], assets=(ASSET,))
 
 
 def made(root, numbers, recipe=RECIPE):
@@ -43,11 +42,10 @@ def made(root, numbers, recipe=RECIPE):
         if number in numbers:
             cell = slot.cell
             make_episode(dataset.episode(slot), task=cell.task, level=cell.level, slot=slot.index, seed=number, frames=3)
-            dataset.ledger.add([(slot, record_of(dataset, slot))])
+            record(dataset, slot)
     asset = dataset.bodies / ASSET[:2] / f"{ASSET}.npz"
     asset.parent.mkdir(parents=True)
     asset.write_bytes(b"asset")
-    dataset.ledger.compact()
     return dataset
 
 
@@ -70,10 +68,10 @@ def test_what_differs_is_named_with_its_reason(tmp_path):
     a, b = made(tmp_path / "a", {0, 1, 2}), made(tmp_path / "b", {0, 1})
     first, second, third = RECIPE.slots()
     other = replace(KEYS, physics=Key({"core": "9"}), render=Key({"renderer": "2", "shaders": "x"}))
-    b.ledger.add([(first, record_of(b, first, other))])
+    record(b, first, other)
     with h5py.File(b.episode(second), "r+") as file:
         file.attrs["touched"] = 1
-    b.ledger.add([(second, record_of(b, second))])
+    record(b, second)
     found = diff(a, b)
     assert (found["same"], [d["slot"] for d in found["differ"]]) == (0, [first.path, second.path, third.path])
     assert found["differ"][0]["parts"] == ("physics.core", "render.shaders")
@@ -83,7 +81,7 @@ def test_what_differs_is_named_with_its_reason(tmp_path):
         "is there in A, is not finished in B": 1,
     }
     a.episode(third).unlink()
-    assert diff(a, b)["differ"][2]["a"] == "is finished, and its episode is gone"
+    assert diff(a, b)["differ"][2]["a"] == "is finished, and its file is gone"
     code, out, _ = inside("diff", a.root, b.root, "--json")
     assert (code, len(json.loads(out)["differ"])) == (1, 3)
 
@@ -112,7 +110,7 @@ def test_parts_of_one_recipe_are_joined_by_hard_links(tmp_path):
         for number, slot in enumerate(RECIPE.slots()):
             source = b if number else a
             assert out.episode(slot).stat().st_ino == source.episode(slot).stat().st_ino
-            assert out.record(slot) == source.record(slot)
+            assert out.record(RECIPE, slot) == source.record(RECIPE, slot)
     assert {ASSET} == {p.stem for p in out.bodies.glob("*/*.npz")}
     assert (out.root / note.relative_to(b.root)).read_bytes() == b"flow"
     assert diff(out, a)["same"] == 1 and out.report.exists() and len(out.accepted(RECIPE)) == 3
@@ -123,12 +121,10 @@ def test_kept_failures_come_along(tmp_path):
     slot = list(RECIPE.slots())[1]
     b.failure(slot, 0).parent.mkdir(parents=True)
     b.failure(slot, 0).write_bytes(b"failed")
-    record = record_of(b, slot)
-    failed = record.attempts[0] | {"outcome": "failed", "stage": "replay", "reason": "no_success"}
-    failed |= {"kept": file_hash(b.failure(slot, 0))}
-    b.ledger.add([(slot, replace(record, attempts=(failed, record.attempts[0] | {"attempt": 1})))])
+    failed = {"attempt": 0, "seed": 1, "outcome": "failed", "stage": "replay", "reason": "no_success"}
+    record(b, slot, KEYS, failed | {"kept": file_hash(b.failure(slot, 0))})
     merge([a, b], out)
-    assert out.intact_failures(RECIPE) == [out.failure(slot, 0)]
+    assert intact_failures(out, RECIPE) == [out.failure(slot, 0)]
 
 
 def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
@@ -145,12 +141,12 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
     a, b = made(tmp_path / "a", {0, 1}), made(tmp_path / "b", {1, 2}, other)
     _, second, third = RECIPE.slots()
     if fault == "code":
-        b.ledger.add([(third, record_of(b, third, replace(KEYS, physics=Key({"core": "9"}))))])
+        record(b, third, replace(KEYS, physics=Key({"core": "9"})))
     if fault in ("bytes", "damaged"):
         with h5py.File(b.episode(third if fault == "damaged" else second), "r+") as file:
             file.attrs["touched"] = 1
     if fault == "bytes":
-        b.ledger.add([(second, record_of(b, second))])
+        record(b, second)
     code, out, err = inside("merge", a.root, b.root, "--out", tmp_path / "c")
     said = {"recipe": "seed is 0 there, not 3", "code": "physics: core", "bytes": "with other bytes", "damaged": "bytes differ"}
     assert (code, out, err.count("\n")) == (2, "", 1)

@@ -10,11 +10,12 @@ from pipeline.crew.progress import Bar, JsonLines, Progress
 from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import parse_recipe
+from pipeline.data.records import FileFacts, SlotRecord
+from pipeline.run.cost_model import mean_frames
 from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, plan, typical
-from pipeline.run.typical import mean_frames
 from tests.data.test_dataset import KEYS, attempt_row
+from tests.recording import record_all
 from tests.synthetic import CAMERAS, make_episode
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1, 3], "episodes": 2})
@@ -26,7 +27,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     slot = next(iter(RECIPE.slots()))
     write_atomic(dataset.episode(slot), bytes(5000))
     rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
-    dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)))])
+    record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=FileFacts(size=5000)))])
     assert cost_of(dataset, RECIPE) == Cost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)
     assert values["finished"] == 1
@@ -84,7 +85,7 @@ def test_a_plan_says_core_hours_their_price_and_the_bytes_of_every_part(tmp_path
     phases = {"dry_run": 3.0, "dry_run.cpu": 1.0, "render": 3.0, "render.cpu": 0.5}
     file = FileFacts(size=dataset.episode(slot).stat().st_size)
     rows = (attempt_row(0) | {"seconds": 7.0},)
-    dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, phases, file=file))])
+    record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, phases, file=file))])
     values = plan(RECIPE, dataset, workers=1, price=0.5)  # the finished slot has keys of other code: it is made again
     assert values["estimated_hours"] == pytest.approx(4 * 7 / 3600)
     assert values["estimated_core_hours"] == pytest.approx(4 * 1.5 / 3600)
@@ -105,7 +106,7 @@ def test_bytes_by_part_add_up_to_all_bytes_where_few_files_are_looked_at(tmp_pat
         make_episode(dataset.episode(slot), frames=frames)
         file = FileFacts(size=dataset.episode(slot).stat().st_size)
         rows = (attempt_row(0) | {"seconds": 7.0},)
-        dataset.ledger.add([(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=file))])
+        record_all(dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, {"render": 1.0}, file=file))])
     cost = cost_of(dataset, RECIPE)
     assert sum(cost.parts.values()) == pytest.approx(cost.size)
 

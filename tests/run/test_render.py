@@ -32,7 +32,8 @@ from pipeline.run.status import status
 from pipeline.run.verify import verify
 from pipeline.stages.drawing.redraw import facing
 from tests.export.running import run as run_export
-from tests.run.command import inside, start
+from tests.recording import record_all
+from tests.run.command import inside, slots, start
 
 DRAWN = {"render": "raster-fast", "size": [160, 120]}
 RECIPE = {"tasks": "click_bell", "embodiments": "aloha-agilex", "levels": [1, 2], "episodes": 1} | DRAWN
@@ -244,9 +245,9 @@ def test_a_build_of_several_variants_has_those_of_a_rendering(source, tmp_path):
 
 def rename(dataset, task):
     """The dataset as if it had been made of a task that this version does not have."""
-    records = [dataset.record(slot) for slot in dataset.recipe().slots()]
+    records = [record for _, record in dataset.records(dataset.recipe())]
     (dataset.episodes / "click_bell").rename(dataset.episodes / task)
-    shutil.rmtree(dataset.root / "ledger")
+    dataset.index.unlink()
     lines = dataset.manifest.read_text().replace("click_bell", task).splitlines(keepends=True)
     dataset.manifest.write_bytes(seal_yaml("".join(line for line in lines if not line.startswith(SEAL))))
     for slot, record in zip(dataset.recipe().slots(), records, strict=True):
@@ -256,7 +257,9 @@ def rename(dataset, task):
 
 
 def reseal(dataset, slot, record):
-    dataset.ledger.add([(slot, replace(record, sha256=file_hash(dataset.episode(slot))))])
+    path = dataset.episode(slot)
+    file = replace(record.file, size=path.stat().st_size, changed=path.stat().st_mtime_ns, physics_id="")
+    record_all(dataset, [(slot, replace(record, sha256=file_hash(path), file=file))])
 
 
 def test_a_task_and_a_robot_that_are_gone_can_still_be_drawn(mine, source, tmp_path):
@@ -272,18 +275,6 @@ def test_a_task_and_a_robot_that_are_gone_can_still_be_drawn(mine, source, tmp_p
     assert verify(out)["ok"]
 
 
-def test_a_source_that_changed_is_drawn_again_and_alone(mine, tmp_path):
-    out = Dataset(tmp_path / "out")
-    draw(mine, out, **SMALL)
-    slot = next(mine.recipe().slots())
-    with h5py.File(mine.episode(slot), "r+") as f:
-        f.attrs["touched"] = 1
-    reseal(mine, slot, mine.record(slot))
-    before = {p: p.stat().st_mtime_ns for p in paths(out)}
-    assert draw(mine, out, **SMALL).drawn == 1
-    assert [p for p in paths(out) if p.stat().st_mtime_ns != before[p]] == [out.episode(slot)]
-
-
 def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     first, second = mine.recipe().slots()
     path, out = mine.episode(first), tmp_path / "out"
@@ -294,7 +285,7 @@ def test_one_damaged_episode_keeps_no_other_from_being_drawn(mine, tmp_path):
     assert (code, values["drawn"], values["accepted"]) == (1, 1, 1)
     assert len(values["problems"]) == 1 and str(path) in values["problems"][0]
     assert "Traceback" not in err
-    assert Dataset(out).episode(second).exists() and Dataset(out).record(first) is None
+    assert Dataset(out).episode(second).exists() and first not in Dataset(out).rows(Dataset(out).recipe()).slots
     # an asset that is missing is the problem of those episodes that show it
     with EpisodeFile(mine.episode(second)) as e:
         lost = Dataset(mine.root).bodies / e.meta.drawing.assets["bell"][:2]
@@ -319,13 +310,13 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
     draw(source, whole, variants=variants, **SMALL)
     process = start("render", source.root, "--out", out.root, *OPTIONS, "--variants", variants, "--executor", "inline")
     began = time.monotonic()
-    while not list(out.ledger.entries()) and process.poll() is None:
+    while not slots(out.root) and process.poll() is None:
         assert time.monotonic() - began < PATIENCE
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=PATIENCE)
     assert process.returncode == -signal.SIGKILL
-    done = len(list(out.ledger.entries()))
+    done = len(slots(out.root))
     assert 0 < done < 2 * variants
     rest = render(source, out, SMALL | {"variants": variants}, Crew("ray", 2), quiet=True)
     assert rest.drawn == 2 * variants - done
@@ -333,13 +324,12 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
     assert not list(out.root.rglob(".*.tmp"))
 
 
-def test_an_episode_whose_entry_did_not_come_is_removed(source, tmp_path, monkeypatch):
+def test_an_episode_that_was_drawn_and_not_recorded_is_not_drawn_again(source, tmp_path, monkeypatch):
     out, written = Dataset(tmp_path / "out"), []
 
     def stopped_at_the_second(job):
         drawn = redraw.draw_slot(job)
-        written.append(out.episode(job.slot))
-        assert written[-1].exists()
+        written.append(job.slot)
         if len(written) == 2:
             raise KeyboardInterrupt
         return drawn
@@ -347,8 +337,9 @@ def test_an_episode_whose_entry_did_not_come_is_removed(source, tmp_path, monkey
     monkeypatch.setattr(drawing, "draw_slot", stopped_at_the_second)
     with pytest.raises(KeyboardInterrupt):
         draw(source, out, **SMALL)
-    assert list(out.episodes.rglob("*.hdf5")) == written[:1]
-    assert [out.episode(slot) for slot, _ in out.ledger.entries()] == written[:1]
+    assert out.rows(out.recipe()).slots == written[:1] and out.episode(written[1]).exists()
+    assert draw(source, out, **SMALL).drawn == 0
+    assert out.rows(out.recipe()).slots == written
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------------

@@ -7,13 +7,17 @@ from dataclasses import replace
 import pytest
 
 from pipeline.data.dataset import Dataset
-from pipeline.data.keys import Key
-from pipeline.data.ledger.records import SlotRecord
+from pipeline.data.given_up import write_given_up
+from pipeline.data.index import FULL
+from pipeline.data.keys import Key, file_hash
+from pipeline.data.records import FileFacts, SlotRecord
+from pipeline.data.reread import IndexWriter
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import recipe_from
-from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, entry_states, read_states, states
+from pipeline.run.state import DONE, IMAGES, OPEN, PHYSICS, REDO, SENTENCES, SlotState, missing, states
 from pipeline.run.status import status
 from pipeline.stages.reasons import reasons_in
+from tests.recording import record_all
 
 RECIPE = recipe_from(
     {
@@ -26,7 +30,6 @@ RECIPE = recipe_from(
         "variants": 2,
     }
 )
-SHA256 = "ab" * 32
 FAILURES = [
     ("dry_run", "no_motion", "workspace 7, blocked 3, tail 2"),
     ("replay", "no_success", ""),
@@ -65,16 +68,21 @@ def dataset(tmp_path_factory):
         keys, accepted = slot_keys(RECIPE, slot), case != "given up"
         keys = other(keys, case) if case in (PHYSICS, "render", "language") else keys
         rows = () if slot.variant and accepted else attempts(slot, accepted, rng)
-        entries.append((slot, SlotRecord(keys, accepted, SHA256 if accepted else "", rows, {})))
         path = dataset.episode(slot)
         path.parent.mkdir(parents=True, exist_ok=True)
+        if not accepted:
+            entries.append((slot, write_given_up(dataset, slot, keys, rows)))
+            continue
+        path.write_bytes(b"")
+        entries.append((slot, SlotRecord(keys, True, file_hash(path), rows, file=FileFacts.of(path.stat()))))
         if case == "link":
+            path.unlink()
             path.symlink_to(path.with_name("nothing"))
-        elif accepted and case != "missing":
-            path.write_bytes(b"")
-    dataset.ledger.add(entries[::2])
-    dataset.ledger.compact()
-    dataset.ledger.add(entries[1::2])
+        elif case == "missing":
+            path.unlink()
+        elif slot.index == 2:
+            path.write_bytes(b"other bytes")
+    record_all(dataset, entries)
     return dataset
 
 
@@ -104,25 +112,25 @@ def test_status_is_the_sum_over_the_slots(dataset):
 
 
 def test_states_of_single_slots(dataset):
-    entries = dataset.entries(RECIPE, ("keys", "stamp"))
-    found, keys = dict(entry_states(dataset, RECIPE, entries)), dict(dataset.ledger.entries())
-    for slot, state in found.items():
-        held, wanted, path = keys[slot].keys, slot_keys(RECIPE, slot), dataset.episode(slot)
+    found, records = dict(states(dataset, RECIPE)), dict(dataset.ask(lambda index: list(index.records(index.rows(RECIPE, *FULL)))))
+    for slot, record in records.items():
+        held, wanted, path = record.keys, slot_keys(RECIPE, slot), dataset.file(slot, record.accepted)
         changed = [name for name in ("physics", "render", "language") if getattr(held, name) != getattr(wanted, name)]
         if "physics" in changed:
             expected = PHYSICS
-        elif keys[slot].accepted and not path.exists():
+        elif not path.exists():
             expected = OPEN
-            assert state.because == (REDO,)
+            assert found[slot].because == (REDO,)
         else:
             expected = IMAGES if "render" in changed else SENTENCES if "language" in changed else DONE
-        assert state.todo == expected, slot
-    # all of these files are empty, and no entry has their stamps: each is read, and is not what the ledger says
-    read = dict(read_states(dataset, RECIPE, RECIPE.slots()))
+        assert found[slot].todo == expected, slot
+    with IndexWriter(dataset, RECIPE) as writer:
+        todo = missing(dataset, RECIPE, writer)
     for slot, state in found.items():
-        there = state.accepted and state.todo not in (OPEN, PHYSICS)
-        assert read[slot].todo == (PHYSICS if there else state.todo)
-    assert len(read) == 160
+        damaged = state.accepted and state.todo not in (OPEN, PHYSICS) and slot.index == 2
+        if not slot.variant:
+            assert todo.get(slot, SlotState(DONE)).todo == (PHYSICS if damaged else state.todo)
+    assert not any(slot.variant for slot in todo)
 
 
 def counted(rows):
@@ -136,8 +144,9 @@ def counted(rows):
 
 
 def test_reasons_are_counted_over_the_rows(dataset):
-    table = dataset.entries(RECIPE, ("attempts",)).attempts()
-    found = reasons_in(table.to_struct_array().combine_chunks())
+    table = dataset.write_attempts(RECIPE)
+    rows = table.select(["stage", "reason", "detail", "conditions"]).to_pylist()
+    found = reasons_in(tuple(row.values()) for row in rows)
     assert {(r.stage, r.reason): (r.attempts, r.conditions) for r in found} == counted(table.to_pylist())
     assert [r.attempts for r in found] == sorted((r.attempts for r in found), reverse=True)
-    assert reasons_in(table.slice(0, 0).to_struct_array().combine_chunks()) == []
+    assert reasons_in(()) == []

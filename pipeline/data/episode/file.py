@@ -1,7 +1,7 @@
 """The episode file: one HDF5 per accepted episode. Schema in docs/formats.md; keys of the original keep their names."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,6 +27,7 @@ SCHEMA = 4
 """Version of the layout (docs/formats.md): a file of another one is not read."""
 
 FIRST_CONTACT = "interception/first_contact"
+ATTEMPTS = "attempts"
 INFLATION = 4000
 """No dataset is larger than this many times its file: gzip shortens at most a thousandfold."""
 
@@ -39,7 +40,8 @@ class Episode:
     """Everything that one file holds, except images, which `EpisodeFile` reads on demand.
 
     `motion` is TargetMotion.to_json(); `instructions` has "seen" and "unseen" lists; `interception` are the arrays of the group of
-    that name, first contacts left out, by key (motion/recorded/group.py).
+    that name, first contacts left out, by key (motion/recorded/group.py). `attempts` are those at its slot (data/records.py,
+    `untimed`); none of a variant, nor of an episode of version 0.1.
     """
 
     spec: EpisodeSpec
@@ -49,6 +51,7 @@ class Episode:
     meta: EpisodeMeta
     cameras: tuple[str, ...] = field(default=())
     interception: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
+    attempts: Sequence[Mapping[str, Any]] = ()
 
 
 class EpisodeFile:
@@ -207,6 +210,15 @@ class EpisodeFile:
         except _FAULTS as error:
             raise EpisodeError(f"{self.path}: group {group} has no attribute {attribute}") from error
 
+    def attempts(self) -> list[dict[str, Any]] | None:
+        """The attempts at the episode's slot, itself the last; None where the file has none (a variant, version 0.1)."""
+        if not self.has(ATTEMPTS):
+            return None
+        try:
+            return [dict(row) for row in parse_json(self.array(ATTEMPTS).item())]
+        except _FAULTS as error:
+            raise EpisodeError(f"{self.path}: {ATTEMPTS} is no list of attempts ({_line(error)})") from error
+
     def _skills(self) -> list[SkillRun]:
         return [SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in parse_json(self.array("skills").item())]
 
@@ -284,7 +296,8 @@ class EpisodeFile:
             expert_action=self._optional("expert_action"),
         )
         split = {s: self.instructions(s) for s in ("seen", "unseen")}
-        return Episode(self.spec, log, self.array("motion").item().decode(), split, self.meta, self.cameras, self.interception())
+        motion, tried = self.array("motion").item().decode(), self.attempts() or ()
+        return Episode(self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried)
 
 
 def _line(error: BaseException) -> str:

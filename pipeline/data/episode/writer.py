@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import atomic_path
 from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.content import HASHES, content_hashes
-from pipeline.data.episode.file import FIRST_CONTACT, SCHEMA, Episode
+from pipeline.data.episode.file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.data.episode.jpeg import encode_frames
 from pipeline.data.episode.state_log import Touch
@@ -61,6 +61,8 @@ def _write_header(f: h5py.File, e: Episode) -> None:
     f["motion"] = e.motion
     f["events"] = json.dumps([asdict(event) for event in e.log.events])
     f["skills"] = json.dumps([asdict(run) for run in e.log.skills])
+    if e.attempts:
+        f[ATTEMPTS] = json.dumps(list(e.attempts), sort_keys=True)
     f["instruction/seen"] = np.array(e.instructions["seen"], dtype=h5py.string_dtype())
     f["instruction/unseen"] = np.array(e.instructions["unseen"], dtype=h5py.string_dtype())
 

@@ -19,7 +19,7 @@ from pipeline.data.setup import RecipeError, Seed, Setup
 from pipeline.data.spec import HIGHEST_LEVEL, EpisodeSpec, attempt_seed
 
 MOST_SLOTS = 10_000_000
-"""Episodes of one dataset: its ledger has a file for each."""
+"""Episodes of one dataset: its index has a row for each."""
 
 SLOWEST = 1e-3  # m/s
 

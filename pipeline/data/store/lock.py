@@ -1,4 +1,4 @@
-"""One command at a time writes a dataset: its ledger has a single writer."""
+"""One command at a time writes a dataset: its index has a single writer."""
 
 import errno
 import fcntl

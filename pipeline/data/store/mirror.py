@@ -35,9 +35,9 @@ from pipeline.data.store.urls import FOLDER
 _THREADS = 8
 STOPPED = 130
 """The exit code of a command that the user stopped."""
-_AT_ONCE = re.compile(r"[^/]+|(ledger|assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
+_AT_ONCE = re.compile(r"[^/]+|(assets/robots|report/failed)/.*|annotations/[^/]+/stage\.json")
 """What is fetched when a mirror is pulled: what is small, and what libraries read by themselves."""
-_LAST = re.compile(r"[^/]+$|(ledger|report)/|exports/[^/]+/export\.json$")
+_LAST = re.compile(r"[^/]+$|report/|exports/[^/]+/export\.json$")
 """What is sent after everything else: what names other files."""
 
 
@@ -108,8 +108,8 @@ class Mirror:
         _on_threads(self._push, [path for path in paths if is_new(path)])
 
     def push_all(self) -> None:
-        """Write to the store what was written here: first what others name, then the ledger, then the rest."""
-        files = [path for path in self._files() if is_new(path) and not path.name.endswith((".tmp", ".running"))]
+        """Write to the store what was written here: first what others name, then the index, then the rest."""
+        files = [path for path in self._files() if is_new(path) and not path.name.endswith((".tmp", ".running", "-journal"))]
         names = {path: self.name(path) for path in files}
         last = [path for path in files if _LAST.match(names[path])]
         self.push(path for path in files if path not in set(last))

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,11 @@ from pipeline.crew.contract import Steps, result_of
 from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
+from pipeline.data.given_up import remove_given_up, write_given_up
+from pipeline.data.intact import is_intact
 from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger.records import FileFacts, SlotRecord
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
@@ -43,7 +45,7 @@ class Lost:
 class SlotJob:
     """What a worker is sent: where the dataset is, its recipe, which slot to fill, and the driver's code version.
 
-    `renewing` is the entry of an episode whose physics is up to date, so that only its images or sentences are made. `lost`
+    `renewing` is the record of an episode whose physics is up to date, so that only its images or sentences are made. `lost`
     attempts are not tried again; they are recorded as failed. Where renewing an episode (RENEWAL) is among them, the
     episode is made from nothing.
     """
@@ -82,8 +84,8 @@ def fill_slot(job: SlotJob) -> SlotRecord:
 
 
 def fill_in_steps(job: SlotJob) -> Steps[SlotRecord]:
-    """Make what is missing of a slot; yield the number of each attempt when it begins, and return the ledger entry, which the
-    driver writes.
+    """Make what is missing of a slot; yield the number of each attempt when it begins, and return the record, which the driver
+    writes.
 
     If its physics is up to date, only its images or sentences are made. Raises DatasetError on a worker whose code differs from the
     driver's: its episodes would carry a wrong key.
@@ -94,7 +96,7 @@ def fill_in_steps(job: SlotJob) -> Steps[SlotRecord]:
     record, old = None, job.renewing
     _remove_partial(dataset.episode(job.slot))
     # a worker that died may have written it already
-    if old and not any(one.attempt == RENEWAL for one in job.lost) and dataset.intact(job.slot, old):
+    if old and not any(one.attempt == RENEWAL for one in job.lost) and is_intact(dataset.episode(job.slot), old.sha256):
         yield RENEWAL
         with suppress(EpisodeError, KeyError):  # a damaged file is made from nothing
             record = renew(dataset, job.recipe, job.slot, old, keys)
@@ -142,10 +144,14 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
                 row["kept"] = kept
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)
-            sha = write(dataset.episode(slot), episode_of(rollout, recipe, images.drawing, keys), images, phases)
-            known = read_facts(dataset, slot)
             row |= {"outcome": "accepted", "sim_steps": rollout.steps} | asdict(rollout.motion.features())
+            episode = replace(episode_of(rollout, recipe, images.drawing, keys), attempts=untimed([*rows, row]))
+            sha = write(dataset.episode(slot), episode, images, phases)
+            known = read_facts(dataset, slot)
         rows.append({"seconds": time.perf_counter() - began} | row)
         if sha:
             break
-    return SlotRecord(keys, bool(sha), sha, tuple(rows), phases.record(), file=known)
+    if not sha:
+        return replace(write_given_up(dataset, slot, keys, rows), phases=phases.record())
+    remove_given_up(dataset, slot)
+    return SlotRecord(keys, True, sha, tuple(rows), phases.record(), known)

@@ -19,9 +19,8 @@ from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.episode.writer import write_episode
 from pipeline.data.keys import SlotKeys, file_hash
-from pipeline.data.ledger.records import FileFacts, SlotRecord
-from pipeline.data.ledger.stamps import file_stamp, stamp_of
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded.group import TRACKS, physics_arrays
 from pipeline.motion.recorded.interception import Interception
@@ -157,18 +156,11 @@ def write(path: Path, episode: Episode, images: Images, phases: Phases) -> str:
         return file_hash(path)
 
 
-def facts(dataset: Dataset, path: Path, frames: int, drawing: Drawing) -> FileFacts:
-    """What is known of an episode file that was just written or read."""
-    store, status = AssetStore(dataset.bodies), path.stat()
-    assets = {key: file_stamp(store.path(key)) for key in drawing.assets.values()}
-    return FileFacts(status.st_size, stamp_of(status), frames, assets)
-
-
 def read_facts(dataset: Dataset, slot: Slot) -> FileFacts:
     """What is known of a slot's episode file. Raises EpisodeError for one that cannot be read."""
     path = dataset.episode(slot)
     with EpisodeFile(path) as file:
-        return facts(dataset, path, len(file), file.meta.drawing)
+        return FileFacts.of(path.stat(), len(file), file.meta.physics_id, list(file.meta.drawing.assets.values()))
 
 
 def renew(dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, keys: SlotKeys) -> SlotRecord:
@@ -180,9 +172,11 @@ def renew(dataset: Dataset, recipe: Recipe, slot: Slot, old_entry: SlotRecord, k
     with EpisodeFile(dataset.episode(slot)) as file:
         old, images = file.read(), stored_images(file)
     scene = build_scene(old.spec, recipe.ruling()).furnished(motion_from_json(old.motion))
-    if old_entry.keys.render != keys.render:
+    if old_entry.keys.render != keys.render or old_entry.keys.language == keys.language:  # then an asset is missing
         images = draw(dataset, scene, old.log, recipe, phases)
     meta = old.meta.model_copy(update={"drawing": images.drawing, **keys.header()})
-    episode = replace(old, instructions=sentences(scene, recipe.instructions), meta=meta)
+    # version 0.1 stored no attempts in its episodes
+    spoken, tried = sentences(scene, recipe.instructions), untimed(old_entry.attempts)
+    episode = replace(old, instructions=spoken, meta=meta, attempts=tried)
     sha = write(dataset.episode(slot), episode, images, phases)
     return replace(old_entry, keys=keys, sha256=sha, file=read_facts(dataset, slot))

@@ -1,19 +1,22 @@
 """One slot drawn again from a stored episode: its state log, its assets, new cameras, sensors or looks. No physics is run."""
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from pipeline.data.assets import AssetStore
-from pipeline.data.dataset import CHANGED, Dataset, DatasetError
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.physics_id import physics_id
 from pipeline.data.errors import DominoError
+from pipeline.data.given_up import write_given_up
+from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.keys import SlotKeys
-from pipeline.data.ledger.records import FileFacts, SlotRecord
-from pipeline.data.ledger.stamps import DAMAGED, file_stamp
 from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
 from pipeline.run.slot.running import send_slot
@@ -31,7 +34,7 @@ KEPT_PARTS = 256  # assets that a worker keeps loaded: the links of five robots 
 class DrawJob:
     """One episode to draw: `slot` of the dataset `out` and its `recipe`, from the episode `origin` of the dataset `source`.
 
-    `record` is the origin's ledger entry, `same_look` whether its stored look is the wanted one, `code` the driver's version.
+    `record` is the origin's, `same_look` whether its stored look is the wanted one, `code` the driver's version.
     """
 
     source: str
@@ -57,47 +60,44 @@ def origin_of(source: Recipe, recipe: Recipe, slot: Slot) -> tuple[Slot, bool]:
     return slot.physical, False
 
 
-def is_drawn(out: Dataset, slot: Slot, record: SlotRecord | None, source: SlotRecord, keys: SlotKeys) -> bool:
-    """Whether a slot, by its entry in `out`, is drawn from just that source with these keys. A file written since is read."""
+def is_drawn(record: SlotRecord | None, source: SlotRecord, keys: SlotKeys, assets: Collection[str]) -> bool:
+    """Whether a slot with this record is drawn from just that source with these keys, and no asset of it is missing."""
     if record is None or record.keys != keys or record.accepted != source.accepted:
         return False
-    if not record.accepted or record.source != source.sha256:
-        return not record.accepted
-    if record.file.stamp == DAMAGED:
-        return False
-    same = record.file.stamp != "" and record.file.stamp == file_stamp(out.episode(slot))
-    return same or out.intact(slot, record)
+    # an episode of version 0.1 may name no physics
+    same = source.file.physics_id in ("", record.file.physics_id)
+    return same and all(key in assets for key in record.file.assets)
 
 
 def draw_slot(job: DrawJob) -> SlotRecord | str:
     """Draw one slot and write its episode; a slot that was given up in the source is given up here, too.
 
-    Returns the ledger entry of what was drawn, for the driver to write, or in one line why nothing was: a source that cannot be
+    Returns the record of what was drawn, for the driver to write, or in one line why nothing was: a source that cannot be
     drawn from is a problem of this slot alone. Raises DatasetError on a worker whose code is not the
     driver's, OSError if the disk refuses.
     """
     if job.code != code_version():
         raise DatasetError(f"a worker runs code {code_version()}, the driver {job.code}: install the same version everywhere")
     source, out, phases = Dataset(Path(job.source)), Dataset(Path(job.out)), Phases()
-    record = job.record
-    keys = redrawn_keys(job.recipe, job.slot, record.keys)
-    sha, known = "", FileFacts()
-    if record.accepted:
-        try:
-            sha, known = _draw(source, out, job, record, keys, phases)
-        except DominoError as error:
-            return str(error)
+    keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
-    attempts = () if job.slot.variant else tuple(row | {"kept": ""} if row.get("kept") else row for row in record.attempts)
-    drawn = SlotRecord(keys, record.accepted, sha, attempts, phases.record(), record.sha256, known)
-    return send_slot(out, job.slot, drawn)
+    attempts = () if job.slot.variant else tuple({k: v for k, v in row.items() if k != "kept"} for row in job.record.attempts)
+    if not job.record.accepted:
+        return write_given_up(out, job.slot, keys, attempts)
+    try:
+        sha, known = _draw(source, out, job, attempts, keys, phases)
+    except DominoError as error:
+        return str(error)
+    return send_slot(out, job.slot, SlotRecord(keys, True, sha, attempts, phases.record(), known))
 
 
-def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys: SlotKeys, phases: Phases) -> tuple[str, FileFacts]:
+def _draw(
+    source: Dataset, out: Dataset, job: DrawJob, attempts: Sequence[Mapping[str, Any]], keys: SlotKeys, phases: Phases
+) -> tuple[str, FileFacts]:
     """Write the episode; its sha256, and what is known of it."""
     path, store = source.episode(job.origin), AssetStore(source.bodies)
     with phases("read"):
-        if not source.intact(job.origin, record):
+        if not is_intact(path, job.record.sha256):
             raise EpisodeError(f"{path}: {CHANGED}")
         with EpisodeFile(path) as file:
             episode = file.read()
@@ -120,7 +120,7 @@ def _draw(source: Dataset, out: Dataset, job: DrawJob, record: SlotRecord, keys:
         for key in dict.fromkeys(kept.values()):
             AssetStore(out.bodies).copy(key, store)
     known = {"physics_id": physics_id(episode.spec, episode.log), "variant": job.slot.variant, "drawing": images.drawing}
-    redrawn = replace(episode, meta=episode.meta.model_copy(update=known | keys.header()))
+    redrawn = replace(episode, meta=episode.meta.model_copy(update=known | keys.header()), attempts=untimed(attempts))
     sha = write(out.episode(job.slot), redrawn, images, phases)
     return sha, read_facts(out, job.slot)
 

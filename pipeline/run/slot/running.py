@@ -5,9 +5,8 @@ from pathlib import Path
 
 from pipeline.data.assets import AssetStore
 from pipeline.data.dataset import Dataset, DatasetError
-from pipeline.data.ledger.records import SlotRecord
-from pipeline.data.ledger.stamps import file_stamp
 from pipeline.data.recipe.model import Slot
+from pipeline.data.records import SlotRecord
 from pipeline.data.store.mirror import mirror_of
 from pipeline.report.summary import failed_folder
 from pipeline.run.identity.slot_keys import code_version
@@ -37,8 +36,10 @@ SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine
 
 
 def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
-    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn from, then these. The entry with
-    the stamps that they have from now on; as it is for a dataset in a directory. Raises StoreError.
+    """Send a slot's files: first what the episode and the failed attempts that are kept were drawn from, then these.
+
+    Returns the record with the time of change that its file has from now on; as it is for a dataset in a directory. Raises
+    StoreError.
 
     The episode's bytes are not kept on this machine.
     """
@@ -47,15 +48,13 @@ def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> SlotRecord:
         return record
     store, path = AssetStore(dataset.bodies), dataset.episode(slot)
     kept = [dataset.failure(slot, row["attempt"]) for row in record.attempts if row.get("kept")]
-    named = {key: store.path(key) for key in record.file.assets}
-    mirror.push(store.root.glob("*/*.npz") if kept else named.values())
+    mirror.push(store.root.glob("*/*.npz") if kept else [store.path(key) for key in record.file.assets])
     mirror.push([*kept, *failed_folder(dataset.root, slot.cell.path).glob(f"*-{slot.index}-*.jpg"), dataset.log(slot)])
     if not record.accepted:
         mirror.delete([path])
         return record
     mirror.push([path])
-    stamps = {key: file_stamp(asset) for key, asset in named.items()}
-    sent = replace(record, file=replace(record.file, stamp=file_stamp(path), assets=stamps))
+    sent = replace(record, file=replace(record.file, changed=path.stat().st_mtime_ns))
     if slot.index >= SHOWN:
         mirror.drop(path)
     return sent

@@ -6,15 +6,12 @@ from pathlib import Path
 import pytest
 
 from pipeline.data.atomic import write_atomic
-from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
-from pipeline.data.ledger.stamps import file_stamp
 from pipeline.data.reading import read_regular
-from pipeline.data.recipe.model import Cell, Slot
 from pipeline.data.store.files import StoreError
 from pipeline.data.store.lock import Busy
 from pipeline.data.store.mirror import Mirror, delete_uploaded, mirror_of, open_url, replace_directory, upload
-from pipeline.data.store.mirror_files import is_listed, is_new
+from pipeline.data.store.mirror_files import is_listed, is_new, state_of
 from pipeline.data.store.places import forget
 from pipeline.data.store.urls import url_of, with_urls
 from pipeline.data.store.user_cache import CACHE
@@ -38,22 +35,22 @@ def elsewhere(tmp_path, monkeypatch):
 
 def fill(url):
     with open_url(url) as root:
-        for name in ("manifest.yaml", "ledger/t/r.parquet", "episodes/t/r/L1/clean/episode_0000000.hdf5", "exports/x/data"):
+        for name in ("manifest.yaml", "index.sqlite", "episodes/t/r/L1/clean/episode_0000000.hdf5", "exports/x/data"):
             write_atomic(root / name, name.encode())
     return root
 
 
 def test_what_one_command_writes_the_next_one_reads_elsewhere(url, elsewhere):
     first = fill(url)
-    stamps = {path.relative_to(first): file_stamp(path) for path in first.rglob("*.*")}
+    stamps = {path.relative_to(first): state_of(path) for path in first.rglob("*.*")}
     elsewhere("other")
     with open_url(url, writes=False) as root:
         assert root != first
-        assert {path.relative_to(root): file_stamp(path) for path in root.rglob("*.*")} == stamps
+        assert {path.relative_to(root): state_of(path) for path in root.rglob("*.*")} == stamps
         episode = root / "episodes/t/r/L1/clean/episode_0000000.hdf5"
-        assert is_listed(episode) and not is_listed(root / "manifest.yaml") and not is_listed(root / "ledger/t/r.parquet")
+        assert is_listed(episode) and not is_listed(root / "manifest.yaml") and not is_listed(root / "index.sqlite")
         assert file_hash(episode) == file_hash(first / episode.relative_to(root))
-        assert not is_listed(episode) and file_stamp(episode) == stamps[episode.relative_to(root)]
+        assert not is_listed(episode) and state_of(episode) == stamps[episode.relative_to(root)]
 
 
 def test_what_the_store_lacks_does_not_count(url):
@@ -83,9 +80,9 @@ def test_files_are_sent_and_withdrawn_at_once_and_dropped_files_come_back(url):
         assert is_new(path)
         upload(path)
         assert not is_new(path) and list(mirror.store.list()) == [".writing.json", "episodes/e.hdf5"]
-        stamp = file_stamp(path)
+        stamp = state_of(path)
         mirror.drop(path)
-        assert is_listed(path) and file_stamp(path) == stamp and os.stat(path).st_blocks == 0
+        assert is_listed(path) and state_of(path) == stamp and os.stat(path).st_blocks == 0
         assert read_regular(path) == b"bytes"
         path.unlink()
         # written by a worker on another machine
@@ -97,12 +94,12 @@ def test_files_are_sent_and_withdrawn_at_once_and_dropped_files_come_back(url):
     assert mirror.store.list() == {}
 
 
-def test_ledger_and_manifest_are_sent_after_what_they_name(url, monkeypatch):
+def test_index_and_manifest_are_sent_after_what_they_name(url, monkeypatch):
     order = []
     monkeypatch.setattr(Mirror, "_push", lambda self, path: order.append(self.name(path)))
     fill(url)
     assert set(order[:2]) == {"episodes/t/r/L1/clean/episode_0000000.hdf5", "exports/x/data"}
-    assert set(order[2:]) == {"manifest.yaml", "ledger/t/r.parquet"}
+    assert set(order[2:]) == {"manifest.yaml", "index.sqlite"}
 
 
 def test_a_directory_is_replaced_on_the_store_too_unless_that_fails(url):
@@ -191,21 +188,6 @@ def test_what_looks_like_a_url_and_is_none_is_refused_in_one_line(text):
 @pytest.mark.parametrize("text", ["out/a", "a:b/c", "./a:b", "/s4:/x", "C:/x", "s3", "out/s3:/x"])
 def test_what_does_not_look_like_a_url_is_a_path(text):
     assert url_of(text) is None and url_of(Path(text)) is None
-
-
-def test_a_store_that_is_gone_when_a_build_is_stopped_hides_nothing(url, monkeypatch):
-    slot = Slot(Cell("click_bell", "aloha-agilex", 1, 0.1, "clean"), 0)
-    with open_url(url) as root:
-        episode = Dataset(root).episode(slot)
-        write_atomic(episode, b"episode")
-        upload(episode)
-
-        def gone(*_):
-            raise StoreError("the connection is lost")
-
-        monkeypatch.setattr(Mirror, "delete", gone)
-        Dataset(root).withdraw([slot])
-        assert not episode.exists()
 
 
 def test_a_command_whose_lease_was_taken_over_writes_no_more(url):

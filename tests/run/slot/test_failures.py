@@ -8,6 +8,8 @@ import pytest
 
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeFile
+from pipeline.data.intact import intact_episodes, intact_failures, kept_failures
+from pipeline.data.reread import IndexWriter
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.episodes import FAILURES, ExportError
 from pipeline.export.shared.record import check_export
@@ -15,9 +17,10 @@ from pipeline.motion.models import motion_from_json
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot
-from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, read_states, states
+from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, missing, states
 from pipeline.run.verify import verify
 from pipeline.tasks import TASKS
+from tests.recording import record_all
 from tests.synthetic import make_episode
 
 WANTED = {"tasks": ["click_bell"], "embodiments": ["aloha-agilex"], "levels": [1], "episodes": 1, "attempts": 1}
@@ -30,7 +33,7 @@ def fill(root, **changes):
     dataset.create(recipe)
     slot = next(recipe.slots())
     record = fill_slot(SlotJob(str(root), recipe, slot, code_version()))
-    dataset.ledger.add([(slot, record)])
+    record_all(dataset, [(slot, record)])
     return dataset, recipe, record
 
 
@@ -57,8 +60,8 @@ def test_a_failed_replay_is_a_file_that_says_why(failed):
     dataset, recipe, record = failed
     (row,) = record.attempts
     assert not record.accepted and (row["stage"], row["reason"], row["conditions"]) == ("replay", "no_success", ["stood_still"])
-    ((path, kept),) = dataset.kept_failures(recipe)
-    assert kept == row and path == dataset.failure(next(recipe.slots()), 0)
+    ((_, path, kept),) = kept_failures(dataset, recipe)
+    assert kept == row["kept"] and path == dataset.failure(next(recipe.slots()), 0)
     with EpisodeFile(path) as file:
         episode, why = file.read(), file.meta.failure
         image = file.rgb("head_camera", len(file) // 2)
@@ -74,8 +77,8 @@ def test_a_failed_replay_is_a_file_that_says_why(failed):
 
 def test_nothing_takes_it_for_an_episode(failed, tmp_path):
     dataset, recipe, _ = failed
-    assert dataset.accepted(recipe) == dataset.intact_episodes(recipe) == []
-    assert len(dataset.intact_failures(recipe)) == 1
+    assert dataset.accepted(recipe) == intact_episodes(dataset, recipe) == []
+    assert len(intact_failures(dataset, recipe)) == 1
     assert not list(dataset.episodes.rglob("*.hdf5"))
     why = {"attempt": 0, "stage": "replay", "reason": "no_success"}
     mixed = [make_episode(tmp_path / f"{n}.hdf5", frames=4, meta=meta) for n, meta in enumerate(({}, {"failure": why}))]
@@ -89,11 +92,11 @@ def test_an_export_of_failures_says_so_and_is_compared_with_them(failed, tmp_pat
     copy = Dataset(tmp_path / "copy")
     shutil.copytree(dataset.root, copy.root)
     exporter, place = EXPORTERS["parquet"], copy.exports("parquet-failures")
-    job = Job(copy.root, place, copy.intact_failures(recipe), exporter.options(), split=FAILURES)
+    job = Job(copy.root, place, intact_failures(copy, recipe), exporter.options(), split=FAILURES)
     assert exporter.export(job)["split"] == FAILURES
     (row,) = pq.read_table(place / "episodes.parquet").to_pylist()
     assert '"stood_still"' in row["failure"] and row["t_success"] is None
-    assert check_export(copy.root, place, copy.intact_failures(recipe)) == []
+    assert check_export(copy.root, place, intact_failures(copy, recipe)) == []
 
 
 def test_damage_and_strays_are_found(failed, tmp_path):
@@ -101,7 +104,7 @@ def test_damage_and_strays_are_found(failed, tmp_path):
     copy = Dataset(tmp_path / "copy")
     shutil.copytree(dataset.root, copy.root)
     assert verify(copy)["problems"] == []
-    ((path, _),) = copy.kept_failures(recipe)
+    ((_, path, _),) = kept_failures(copy, recipe)
     shutil.copy(path, path.with_name("episode_0000000_attempt_007.hdf5"))
     assert any("attempt_007.hdf5: belongs to no slot" in problem for problem in verify(copy)["problems"])
     with path.open("r+b") as file:
@@ -110,7 +113,7 @@ def test_damage_and_strays_are_found(failed, tmp_path):
     name = path.relative_to(copy.root).as_posix()
     assert any(problem.startswith(f"{name}: its bytes are not") for problem in verify(copy)["problems"])
     with pytest.raises(DatasetError, match="sha256"):
-        copy.intact_failures(recipe)
+        intact_failures(copy, recipe)
 
 
 def test_other_images_of_a_slot_that_was_given_up_are_those_of_its_failures(failed):
@@ -131,9 +134,9 @@ def test_dry_runs_are_kept_only_where_all_are(tmp_path, monkeypatch):
     success = task.success
     monkeypatch.setattr(task, "success", lambda self, o, arms: success(self, o, arms) | {"heard": False})
     dataset, recipe, record = fill(tmp_path / "rendered", keep_failures="rendered")
-    assert record.attempts[0]["stage"] == "dry_run" and not list(dataset.kept_failures(recipe))
+    assert record.attempts[0]["stage"] == "dry_run" and not list(kept_failures(dataset, recipe))
     dataset, recipe, _ = fill(tmp_path / "all", keep_failures="all")
-    ((path, _),) = dataset.kept_failures(recipe)
+    ((_, path, _),) = kept_failures(dataset, recipe)
     with EpisodeFile(path) as file:
         episode = file.read()
     assert episode.meta.failure is not None and episode.meta.failure.stage == "dry_run"
@@ -146,16 +149,17 @@ def test_what_is_said_of_a_damaged_one_helps(failed, tmp_path):
     dataset, recipe, _ = failed
     copy, slot = Dataset(tmp_path / "copy"), next(recipe.slots())
     shutil.copytree(dataset.root, copy.root)
-    ((path, row),) = copy.kept_failures(recipe)
+    ((_, path, sha256),) = kept_failures(copy, recipe)
     whole = path.read_bytes()
     path.write_bytes(whole[:-1])
     with pytest.raises(DatasetError, match="remove it, if it is there, and run the build again"):
-        copy.intact_failures(recipe)
-    assert [state.todo for _, state in read_states(copy, recipe, [slot])] == [DONE]
-    path.unlink()
-    assert list(read_states(copy, recipe, [slot])) == [(slot, SlotState(PHYSICS, (GONE,), False))]
+        intact_failures(copy, recipe)
+    with IndexWriter(copy, recipe) as writer:
+        assert missing(copy, recipe, writer) == {}
+        path.unlink()
+        assert missing(copy, recipe, writer) == {slot: SlotState(PHYSICS, (GONE,), False)}
     with pytest.raises(DatasetError, match="remove it, if it is there, and run the build again"):
-        copy.intact_failures(recipe)
+        intact_failures(copy, recipe)
     again = fill_slot(SlotJob(str(copy.root), recipe, slot, code_version()))
-    assert path.read_bytes() == whole and again.attempts[0]["kept"] == row["kept"]
-    assert copy.intact_failures(recipe) == [path]
+    assert path.read_bytes() == whole and again.attempts[0]["kept"] == sha256
+    assert intact_failures(copy, recipe) == [path]

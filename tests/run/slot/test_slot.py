@@ -8,6 +8,7 @@ from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import SlotJob, fill_slot
 from pipeline.tasks import TASKS
+from tests.recording import record_all
 
 BUDGET = 2
 
@@ -28,7 +29,7 @@ def test_a_failed_attempt_names_its_conditions_in_the_attempts_table(tmp_path, u
     dataset.create(recipe)
     slot = next(recipe.slots())
     record = fill_slot(SlotJob(str(dataset.root), recipe, slot, code_version()))
-    dataset.ledger.add([(slot, record)])
+    record_all(dataset, [(slot, record)])
     assert not record.accepted and len(record.attempts) == BUDGET
     dataset.write_attempts(recipe)
     rows = pq.read_table(dataset.attempts).to_pylist()

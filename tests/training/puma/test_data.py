@@ -271,11 +271,13 @@ def test_annotations_of_other_images_are_refused(copy: Path, tmp_path: Path):
 
 def test_an_export_without_every_episode_is_stale(copy: Path, tmp_path: Path, dataset: Path):
     from pipeline.data.keys import Key, SlotKeys
-    from pipeline.data.ledger.records import SlotRecord
-    from pipeline.data.recipe.cells import Cell, Slot
+    from pipeline.data.recipe.model import parse_recipe
+    from tests.recording import finish
 
-    parts, cell = SlotKeys(Key({"a": "b"}), Key({}), Key({})), Cell("click_bell", "aloha-agilex", 1, 0.1, "clean")
-    Dataset(copy).ledger.add([(Slot(cell, slot), SlotRecord(parts, True, "0" * 64, (), {})) for slot in range(4)])
+    recipe, parts = parse_recipe({"tasks": "click_bell", "levels": 1, "episodes": 4}), SlotKeys(Key({"a": "b"}), Key({}), Key({}))
+    (copy / "manifest.yaml").write_text(recipe.to_yaml())
+    for slot in recipe.slots():
+        finish(Dataset(copy), slot, parts, [{"attempt": 0, "seed": 0, "outcome": "accepted"}])
     found = fails(config_of(copy, tmp_path / "cache"))
     assert "is stale: it has 3 episodes, the dataset 4" in found and found.endswith("--format parquet")
 

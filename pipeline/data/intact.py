@@ -1,0 +1,97 @@
+"""Whether the files of a dataset have the bytes that its index names: asked before they are used."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.keys import file_hash
+from pipeline.data.recipe.model import Recipe, Slot
+from pipeline.data.rows import find_slot
+
+CHANGED = "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
+"""What is said of an episode file that is not the one that was written."""
+
+REMAKE = "remove it, if it is there, and run the build again to make its slot"
+"""What helps where a failed attempt that is kept is not the file that was written."""
+
+
+def missed(paths: list[Path]) -> str:
+    """One line on finished episodes that are missing."""
+    many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
+    return f"{many} missing that the index calls finished, first {paths[0]}; rerun the build command of this dataset"
+
+
+def is_intact(path: Path, sha256: str) -> bool:
+    """Whether a file is there with bytes of this hash. Raises PermissionError."""
+    try:
+        return file_hash(path) == sha256
+    except PermissionError:
+        raise
+    except OSError:
+        return False
+
+
+def check_bytes(dataset: Dataset, episode: Path) -> None:
+    """Raise DatasetError for an episode file, relative to `episodes`, whose bytes are not those that the index names.
+
+    A directory without a recipe was not built: there is nothing to compare with.
+    """
+    if not dataset.manifest.exists():
+        return
+    recipe, path = dataset.recipe(), dataset.episodes / episode
+    slot = find_slot(recipe, episode.with_suffix("").as_posix())
+    record = slot and dataset.record(recipe, slot)
+    if record is None:
+        raise DatasetError(f"{path}: belongs to no finished slot")
+    try:
+        same = record.accepted and file_hash(path) == record.sha256
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read ({error.strerror})") from error
+    if not same:
+        raise DatasetError(f"{path}: {CHANGED}")
+
+
+def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
+    """The episode files of the recipe's slots, in its order, after reading every one.
+
+    Raises DatasetError for those that are missing, cannot be read or are not those that were written.
+    """
+    if missing := dataset.missing(recipe):
+        raise DatasetError(missed(missing))
+    rows = dataset.present(recipe, "sha256")
+    rows = rows.where(rows.accepted)
+    paths = [dataset.episode(slot) for slot in rows.slots]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        try:
+            hashes = list(threads.map(file_hash, paths))
+        except OSError as error:
+            raise DatasetError(f"{error.filename}: cannot be read ({error.strerror}); run the build again") from error
+    pairs = zip(paths, hashes, rows.more["sha256"], strict=True)
+    if damaged := [path for path, found, sha256 in pairs if found != sha256.hex()]:
+        others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
+        raise DatasetError(f"{damaged[0]}{others}: {CHANGED}")
+    return paths
+
+
+def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path, str]]:
+    """The failed attempts that are kept, in the recipe's order: their slots, their files, and the sha256 of each."""
+    rows = dataset.rows(recipe)
+    of, found = dataset.ask(lambda index: index.attempts(rows, "attempt", "kept"))
+    for row, (attempt, kept) in zip(of.tolist(), found, strict=True):
+        if kept:
+            yield rows.slots[row], dataset.failure(rows.slots[row], attempt), kept
+
+
+def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
+    """As `kept_failures`, after reading every file. Raises DatasetError for one that is missing or not the one that was written."""
+    found = list(kept_failures(dataset, recipe))
+    for _, path, sha256 in found:
+        try:
+            same = file_hash(path) == sha256
+        except OSError as error:
+            raise DatasetError(f"{path}: cannot be read ({error.strerror}); {REMAKE}") from error
+        if not same:
+            raise DatasetError(f"{path}: bytes differ from the index's sha256; {REMAKE}")
+    return [path for _, path, _ in found]

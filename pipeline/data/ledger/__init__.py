@@ -1,1 +1,0 @@
-"""The ledger: what is known of every finished slot."""

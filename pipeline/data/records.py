@@ -1,0 +1,130 @@
+"""What is known of a finished slot: its keys, its file, every attempt. The index holds it, the files hold what rebuilds it."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pyarrow as pa
+
+from pipeline.data.keys import Key, SlotKeys, canonical, digest
+from pipeline.data.recipe.cells import Slot
+
+ATTEMPTS = pa.schema(
+    [
+        ("task", pa.string()),
+        ("embodiment", pa.string()),
+        ("level", pa.int8()),
+        ("alpha", pa.float64()),
+        ("domain", pa.string()),
+        ("slot", pa.int32()),
+        ("attempt", pa.int32()),
+        ("seed", pa.int64()),
+        ("outcome", pa.string()),
+        ("stage", pa.string()),
+        ("reason", pa.string()),
+        ("detail", pa.string()),
+        ("conditions", pa.list_(pa.string())),
+        ("kept", pa.string()),
+        *((name, pa.float64()) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")),
+        ("sim_steps", pa.int64()),
+        ("seconds", pa.float64()),
+    ]
+)
+"""Columns of attempts.parquet, one row an attempt. `kept` is the sha256 of the file of a failed
+attempt that is kept; speeds (m/s) and displacement (m) are those of the motion that was drawn."""
+
+PLACE = ("task", "embodiment", "level", "alpha", "domain", "slot")
+"""The columns of an attempt that name its slot."""
+
+OF_ATTEMPT = tuple(name for name in ATTEMPTS.names if name not in PLACE)
+"""The other columns of an attempt."""
+
+TIMED = "seconds"
+"""The column of an attempt that a clock measured: no file of a slot holds it."""
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What is known of a slot's file without opening it.
+
+    `size` in bytes and `changed`, the time of its last change in ns, tell whether it was written
+    since; of an episode also its recorded `frames`, its `physics_id`, and the hashes of its `assets`.
+    """
+
+    size: int = 0
+    changed: int = 0
+    frames: int = 0
+    physics_id: str = ""
+    assets: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, state: os.stat_result, frames: int = 0, physics_id: str = "", assets: Sequence[str] = ()) -> "FileFacts":
+        """The facts of a file with this state."""
+        return cls(state.st_size, state.st_mtime_ns, frames, physics_id, tuple(sorted(set(assets))))
+
+
+@dataclass(frozen=True)
+class SlotRecord:
+    """A finished slot: its keys, whether it was accepted, the sha256 of its file (the episode, or
+    the note that it was given up), every attempt as a row of ATTEMPTS, and seconds by phase.
+
+    A variant has no attempts of its own. A record from the index has the sum of its phases.
+    """
+
+    keys: SlotKeys
+    accepted: bool
+    sha256: str
+    attempts: tuple[dict[str, Any], ...]
+    phases: dict[str, float] = field(default_factory=dict[str, float])
+    file: FileFacts = field(default_factory=FileFacts)
+
+
+def sum_phases(phases: Mapping[str, float]) -> tuple[float, float]:
+    """Wall-clock and processor seconds of some phases."""
+    wall = sum(seconds for name, seconds in phases.items() if not name.endswith(".cpu"))
+    return wall, sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
+
+
+def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Attempts as a slot's file holds them: without what a clock measured or the slot says."""
+    return [{name: row[name] for name in OF_ATTEMPT if name != TIMED and row.get(name) not in (None, "", [])} for row in attempts]
+
+
+def retimed(slot: Slot, attempts: Sequence[Mapping[str, Any]], seconds: Mapping[int, float]) -> tuple[dict[str, Any], ...]:
+    """Inverse of `untimed`; `seconds` by number of attempt, where they are known."""
+    blank: dict[str, Any] = {"stage": "", "reason": "", "detail": "", "conditions": []}
+    place = vars(slot.cell) | {"slot": slot.index}
+    rows = (place | blank | dict(row) for row in attempts)
+    return tuple(row | {TIMED: seconds[row["attempt"]]} if row["attempt"] in seconds else row for row in rows)
+
+
+def slot_part(slot: Slot) -> str:
+    """The part of the physics key that names the slot."""
+    return digest([slot.physical.path, slot.cell.alpha])
+
+
+def pack_keys(slot: Slot, keys: SlotKeys) -> str:
+    """Canonical JSON of the keys, null for the parts that follow from the slot: one text a cell."""
+    values: dict[str, dict[str, str | None]] = {kind: {**parts} for kind, parts in keys.to_json().items()}
+    for kind, name, follows in (
+        ("physics", "slot", slot_part(slot)),
+        ("render", "physics", keys.physics.digest),
+        ("language", "physics", keys.physics.digest),
+    ):
+        if values[kind].get(name) == follows:
+            values[kind][name] = None
+    return canonical(values).decode()
+
+
+def unpack_keys(slot: Slot, text: str) -> SlotKeys:
+    """Inverse of `pack_keys`."""
+    values = {kind: dict(parts) for kind, parts in json.loads(text).items()}
+    if "slot" in values["physics"]:
+        values["physics"]["slot"] = values["physics"]["slot"] or slot_part(slot)
+    physics = Key(values["physics"])
+    for kind in ("render", "language"):
+        if "physics" in values[kind]:
+            values[kind]["physics"] = values[kind]["physics"] or physics.digest
+    return SlotKeys(physics, Key(values["render"]), Key(values["language"]))

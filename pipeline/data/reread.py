@@ -1,0 +1,211 @@
+"""The index read from the files of the slots: all of it if it is lost, and what another process has written since."""
+
+import errno
+import os
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.data.atomic import atomic_path
+from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.episode.meta import EpisodeMeta
+from pipeline.data.given_up import read_given_up, write_given_up
+from pipeline.data.index import DamagedIndex, Index
+from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.paths import Paths
+from pipeline.data.reading import check_regular
+from pipeline.data.recipe.cells import Slot
+from pipeline.data.recipe.model import Recipe
+from pipeline.data.records import ATTEMPTS, PLACE, TIMED, FileFacts, SlotRecord, retimed, unpack_keys, untimed
+from pipeline.data.rows import Listing
+from pipeline.data.store.lock import Busy, exclusive
+from pipeline.data.store.mirror import free_space
+
+_NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
+"""What reading a file raises that is no whole file of its slot."""
+
+type Attempts = Mapping[tuple[Any, ...], Sequence[dict[str, Any]]]  # rows of attempts.parquet by the columns that name their slot
+
+
+def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callable[[Index], T]) -> T:
+    """What an index answers. One that is missing, damaged or of another version is made again, in memory only if another command
+    writes the dataset or nobody may."""
+    try:
+        with Index(dataset.index) as index:
+            return question(index)
+    except DamagedIndex:
+        pass
+    try:
+        with exclusive(dataset.root), rebuild(dataset, recipe()) as index:
+            return question(index)
+    except (Busy, OSError) as error:
+        if isinstance(error, OSError) and error.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
+            raise
+    with Index(Path(":memory:"), new=True) as index:
+        read_unknown(dataset, recipe(), index)
+        return question(index)
+
+
+def rebuild(dataset: Paths, recipe: Recipe) -> Index:
+    """Make the index of a dataset again from its files, for the command that writes it. Raises OSError."""
+    with atomic_path(dataset.index) as temporary:
+        with Index(temporary, new=True) as index:
+            read_unknown(dataset, recipe, index)
+            if (dataset.root / "ledger").is_dir():
+                index.add(_given_up_before(dataset, recipe, index))
+        # what an index that was killed left to be rolled back is not of this one
+        dataset.index.with_name(f"{dataset.index.name}-journal").unlink(missing_ok=True)
+    return Index(dataset.index)
+
+
+class IndexWriter:
+    """The index of the command that writes a dataset: one that is lost meanwhile is made again from the files."""
+
+    def __init__(self, dataset: Paths, recipe: Recipe) -> None:
+        self._dataset, self._recipe = dataset, recipe
+        try:
+            self.index = Index(dataset.index)
+        except DamagedIndex:
+            self.index = rebuild(dataset, recipe)
+
+    def __enter__(self) -> "IndexWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.index.__exit__()
+
+    def add(self, slot: Slot, record: SlotRecord) -> None:
+        """Write a slot that ended. Raises OSError if the disk refuses."""
+        try:
+            self.index.add([(slot, record)])
+        except DamagedIndex:
+            self.index = rebuild(self._dataset, self._recipe)
+            self.index.add([(slot, record)])
+
+    def catch_up(self) -> set[Slot]:
+        """Read the files that were written since they were last read: what has no row gets one, if it is whole.
+
+        Returns the slots whose file has other bytes now. Raises OSError.
+        """
+        read_unknown(self._dataset, self._recipe, self.index)
+        rows = self.index.rows(self._recipe, "size", "changed", "sha256")
+        now = Listing(self._dataset.episodes, self._recipe).states(rows)
+        known = np.stack([rows.more["size"], rows.more["changed"]], axis=1)
+        touched = (now[:, 0] >= 0) & (now != known).any(axis=1)
+        rows, now = rows.where(touched), now[touched]
+        paths = [self._dataset.file(slot, accepted) for slot, accepted in zip(rows.slots, rows.accepted.tolist(), strict=True)]
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+            found = list(threads.map(_hash, paths))
+        same = np.array([a == b for a, b in zip(found, rows.more["sha256"], strict=True)], bool)
+        self.index.update_files(np.column_stack([rows.ids, now])[same].tolist())
+        return set(rows.where(~same).slots)
+
+
+def _hash(path: Path) -> bytes:
+    """The sha256 of a file; nothing for what is none. Raises PermissionError."""
+    try:
+        return bytes.fromhex(file_hash(path))
+    except PermissionError:
+        raise
+    except OSError:
+        return b""
+
+
+def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> int:
+    """Add the slots to an index whose files are whole and have no row; how many. Any other file's slot is made again.
+
+    Raises OSError."""
+    unknown = list(Listing(dataset.episodes, recipe).unknown(index.rows(recipe)))
+    measured, count = _measured(dataset) if unknown else {}, 0
+    for slot, accepted in unknown:
+        tried = measured.get((*vars(slot.cell).values(), slot.index), ())
+        with suppress(*_NOT_OURS):
+            read = _read_episode if accepted else _read_given_up
+            index.add([(slot, read(dataset, recipe, slot, tried))])
+            count += 1
+        free_space(dataset.file(slot, accepted))
+    return count
+
+
+def _read_episode(dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
+    """The record of an episode. Raises what _NOT_OURS names if it is not whole, or not that of its slot."""
+    path = dataset.episode(slot)
+    with EpisodeFile(path) as file:
+        meta, spec = file.meta, file.spec
+        place = [getattr(spec, name) for name in PLACE]
+        if (
+            place != [*vars(slot.cell).values(), slot.index]
+            or (meta.variant, meta.failure) != (slot.variant, None)
+            or file.damaged()
+        ):
+            raise ValueError("is not whole, or not the episode of this slot")
+        attempts, frames = file.attempts(), len(file)
+        if attempts is None:  # version 0.1 kept them elsewhere
+            attempts = untimed(tried)
+            if not attempts or attempts[-1]["seed"] != spec.seed:
+                numbers = (n for n in range(recipe.attempts) if recipe.spec(slot.physical, n).seed == spec.seed)
+                attempts = [{"attempt": next(numbers, 0), "seed": spec.seed, "outcome": "accepted", **_speeds(meta)}]
+    file = FileFacts.of(path.stat(), frames, meta.physics_id, list(meta.drawing.assets.values()))
+    rows = () if slot.variant else retimed(slot, attempts, _seconds(tried, attempts))
+    return SlotRecord(_keys(meta), True, file_hash(path), rows, file=file)
+
+
+def _keys(meta: EpisodeMeta) -> SlotKeys:
+    """The keys that an episode names. Raises ValueError if they are not those of its other attributes."""
+    if not meta.keys:
+        return SlotKeys(Key({}), Key({}), Key({}))  # of another version: everything has changed
+    keys = SlotKeys.from_json(meta.keys)
+    if (meta.physics_key, meta.render_key) != (keys.physics.digest, keys.render.digest):
+        raise ValueError("its keys are not those of their parts")
+    return keys
+
+
+def _speeds(meta: EpisodeMeta) -> dict[str, float]:
+    return {name: getattr(meta, name) for name in ("average_speed", "maximum_speed", "end_speed", "displacement")}
+
+
+def _read_given_up(dataset: Paths, recipe: Recipe, slot: Slot, tried: Sequence[dict[str, Any]]) -> SlotRecord:
+    """The record of a slot that was given up. Raises what _NOT_OURS names for a file that is no note of it."""
+    path = dataset.file(slot, False)
+    keys, attempts = read_given_up(path, slot.path)
+    rows = retimed(slot, attempts, _seconds(tried, attempts))
+    return SlotRecord(keys, False, file_hash(path), rows, file=FileFacts.of(path.stat()))
+
+
+def _measured(dataset: Paths) -> Attempts:
+    """The rows of attempts.parquet; nothing if it is missing or damaged."""
+    try:
+        check_regular(dataset.attempts)
+        table = pq.read_table(dataset.attempts, schema=ATTEMPTS).to_pylist()
+    except (OSError, ValueError, TypeError, pa.ArrowException):
+        return {}
+    rows = defaultdict[tuple[Any, ...], list[dict[str, Any]]](list)
+    for row in sorted(table, key=lambda row: row["attempt"] or 0):
+        rows[tuple(row[name] for name in PLACE)].append(row)
+    return rows
+
+
+def _seconds(tried: Sequence[Mapping[str, Any]], attempts: Sequence[Mapping[str, Any]]) -> dict[int, float]:
+    """What the clock measured of those attempts that attempts.parquet has with the same seed, by number."""
+    seeds = {row["attempt"]: row["seed"] for row in attempts}
+    return {row["attempt"]: row[TIMED] for row in tried if seeds.get(row["attempt"]) == row["seed"] and row[TIMED] is not None}
+
+
+def _given_up_before(dataset: Paths, recipe: Recipe, index: Index) -> Iterable[tuple[Slot, SlotRecord]]:
+    """Slots that version 0.1 gave up, which only its table of attempts says; with the keys of another slot of their cell."""
+    rows, tried = index.rows(recipe), _measured(dataset)
+    known = set(rows.slots)
+    texts = {slot.cell: rows.texts[key] for slot, key in zip(rows.slots, rows.keys.tolist(), strict=True) if not slot.variant}
+    found = list[tuple[Slot, SlotRecord]]()
+    for slot in recipe.physical_slots():
+        attempts = tried.get((*vars(slot.cell).values(), slot.index), ())
+        if attempts and slot.cell in texts and slot not in known and not any(row["outcome"] == "accepted" for row in attempts):
+            found.append((slot, write_given_up(dataset, slot, unpack_keys(slot, texts[slot.cell]), attempts)))
+    return found
