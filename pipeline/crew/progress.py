@@ -150,21 +150,12 @@ SHOWN: dict[Kind, Callable[[int, int], Progress]] = {
 
 
 COUNTERS = {
-    "domino_slots": (
-        "Slots that ended; outcome is accepted or given_up.",
-        (*CELL, "outcome"),
-    ),
-    "domino_attempts": (
-        "Attempts that ended; reason is that of a failure, accepted otherwise.",
-        (*CELL, "reason"),
-    ),
-    "domino_phase_seconds": (
-        "Seconds that workers spent on accepted episodes, by phase.",
-        ("phase",),
-    ),
-    "domino_workers_lost": ("Workers that died, hung, or went with their node.", ()),
+    "domino_slots": "Slots that ended; outcome is accepted or given_up.",
+    "domino_attempts": "Attempts that ended; reason is that of a failure, accepted otherwise.",
+    "domino_phase_seconds": "Seconds that workers spent on accepted episodes, by phase.",
+    "domino_workers_lost": "Workers that died, hung, or went with their node.",
 }
-"""Name (Ray puts `ray_` before it and `_total` behind), what it counts, labels."""
+"""What each counter counts, by name (Ray puts `ray_` before it and `_total` behind)."""
 
 
 class Metrics:
@@ -182,25 +173,24 @@ class Metrics:
         """Count a slot that ended: its attempts, and seconds by phase."""
         for row in attempts if self._watched else ():
             cell = {name: str(row[name]) for name in CELL}
-            self._count("domino_attempts", 1, cell | {"reason": row["reason"] or "accepted"})
+            self._count("domino_attempts", 1, **cell, reason=row["reason"] or "accepted")
             if row is attempts[-1]:
                 accepted = row["outcome"] == "accepted"
-                outcome = {"outcome": "accepted" if accepted else "given_up"}
-                self._count("domino_slots", 1, cell | outcome)
+                self._count("domino_slots", 1, **cell, outcome="accepted" if accepted else "given_up")
         for phase, seconds in phases.items():
             if not phase.endswith(".cpu") and seconds > 0:
-                self._count("domino_phase_seconds", seconds, {"phase": phase})
+                self._count("domino_phase_seconds", seconds, phase=phase)
 
     def count_lost(self) -> None:
         """Count a worker that was lost."""
-        self._count("domino_workers_lost", 1, {})
+        self._count("domino_workers_lost", 1)
 
-    def _count(self, name: str, value: float, labels: dict[str, str]) -> None:
+    def _count(self, name: str, value: float, **labels: str) -> None:
         if not self._watched:
             return
         if name not in self._counters:
             from ray.util.metrics import Counter as RayCounter
 
-            text, keys = COUNTERS[name]
-            self._counters[name] = RayCounter(name, description=text, tag_keys=keys)
+            text = COUNTERS[name]
+            self._counters[name] = RayCounter(name, description=text, tag_keys=tuple(labels))
         self._counters[name].inc(value, tags=labels)

@@ -92,7 +92,6 @@ class Workers[J, R]:
         plugins = Snapshot.taken() if crew.address else Snapshot()
         self._begin = make, check, plugins
         actor: Any = ray.remote(CrewWorker)
-        # a start of its own for each loss, so that one that keeps dying is noticed
         self._actor = actor.options(num_cpus=1, num_gpus=_share(crew), max_restarts=0, scheduling_strategy="SPREAD")
         self._first: tuple[str, dict[str, str]] | None = None
         self._busy: dict[ray.ObjectRef[Any], _Hired[J]] = {}  # by the answer to come
@@ -150,7 +149,8 @@ class Workers[J, R]:
         now = time.monotonic()
         for answer, worker in list(self._busy.items()):
             allowed = self._seconds if worker.task else _START_SECONDS
-            if now - worker.since > allowed:
+            # its answer may be there, if this process had more to do than to ask for it
+            if now - worker.since > allowed and not ray.wait([answer], timeout=0)[0]:
                 del self._busy[answer]
                 yield from self._lose(worker, "worker_hung", f"not ready after {allowed:.0f} s")
 
