@@ -3,12 +3,12 @@
 import platform
 from collections import Counter, deque
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.crew.contract import Crew, CrewError, Died, Done
+from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
 from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
 from pipeline.crew.ray_session import session
@@ -28,8 +28,8 @@ from pipeline.run.drawing import draw_all, work_of
 from pipeline.run.early_stop import EarlyStop, stopped_cells
 from pipeline.run.identity.slot_keys import code_version
 from pipeline.run.plan import cost_of
-from pipeline.run.slot.fill import Lost, SlotJob, slot_worker
-from pipeline.run.slot.running import NodeCheck
+from pipeline.run.slot.fill import SlotJob, slot_worker
+from pipeline.run.slot.node_check import NodeCheck
 from pipeline.run.state import IMAGES, OPEN, SENTENCES, SlotState, missing
 from pipeline.world.drawing.vulkan import ensure_renderer
 from pipeline.world.objects.contract import FAMILIES
@@ -198,20 +198,8 @@ def _fill(dataset: Dataset, jobs: deque[SlotJob], crew: Crew, timeout: float, li
                 case Done(job, record):
                     jobs.extend(listeners.finish(job.slot, record))
                 case Died(job):
-                    jobs.append(_without(job, end))
+                    jobs.append(job.without(end))
     return listeners.progress.lost
-
-
-def _without(job: SlotJob, died: Died[SlotJob]) -> SlotJob:
-    """The job without the attempt that two workers died of."""
-    attempt = died.trying
-    if not isinstance(attempt, int):
-        # they died before they began: on the first attempt that they would have made
-        untried = sorted(set(range(job.recipe.attempts)) - {one.attempt for one in job.lost})
-        if not untried:
-            raise CrewError(f"{job.slot.path}: a worker is lost on it before it tries any seed")
-        attempt = untried[0]
-    return replace(job, lost=(*job.lost, Lost(attempt, died.reason, died.seconds)))
 
 
 def provenance(renderer: str, recipe: Recipe) -> dict[str, Any]:

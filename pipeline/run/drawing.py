@@ -15,8 +15,8 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.reread import IndexWriter
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
+from pipeline.run.slot.node_check import NodeCheck
 from pipeline.run.slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
-from pipeline.run.slot.running import NodeCheck
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.crew.contract import Steps, result_of
+from pipeline.crew.contract import CrewError, Died, Steps, result_of
 from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
@@ -21,7 +21,7 @@ from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
 from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
 from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
-from pipeline.run.slot.running import send_slot
+from pipeline.run.slot.send import send_slot
 from pipeline.run.slot.worker_log import worker_log
 from pipeline.stages.attempt import Perform, Phases, attempt
 from pipeline.stages.drawing.tracks import require_view
@@ -56,6 +56,19 @@ class SlotJob:
     code: str
     renewing: SlotRecord | None = None
     lost: tuple[Lost, ...] = ()
+
+    def without(self, died: Died["SlotJob"]) -> "SlotJob":
+        """The job without the attempt that two workers died of. Raises CrewError if none is left
+        to blame."""
+        attempt = died.trying
+        if not isinstance(attempt, int):
+            # they died before they began: on the first attempt that they would have made
+            lost = {one.attempt for one in self.lost}
+            untried = [each for each in range(self.recipe.attempts) if each not in lost]
+            if not untried:
+                raise CrewError(f"{self.slot.path}: workers die of it before they try any seed")
+            attempt = untried[0]
+        return replace(self, lost=(*self.lost, Lost(attempt, died.reason, died.seconds)))
 
 
 def slot_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:

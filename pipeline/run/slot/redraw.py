@@ -19,7 +19,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.run.identity.slot_keys import code_version, redrawn_keys
 from pipeline.run.slot.make import images_of, read_facts, write
-from pipeline.run.slot.running import send_slot
+from pipeline.run.slot.send import send_slot
 from pipeline.stages.attempt import Phases
 from pipeline.stages.drawing.render import SURFACE, keep_images, stored_appearance, visuals_of, with_setup
 from pipeline.stages.drawing.render import images_of as surfaces_of

@@ -1,36 +1,13 @@
-"""What a worker and its driver share beside an episode: what its machine must have, and files for a store."""
+"""The files of a slot, sent to the store that holds its dataset."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 from pipeline.data.assets import AssetStore
-from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.store.mirror import mirror_of
 from pipeline.report.summary import failed_folder
-from pipeline.run.identity.slot_keys import code_version
-from pipeline.world.drawing.vulkan import ensure_renderer
-
-
-@dataclass(frozen=True)
-class NodeCheck:
-    """A check of the machine that a worker is on: whether it reaches the dataset at `root`, and runs the code version `code`."""
-
-    root: str
-    code: str
-
-    def __call__(self) -> dict[str, str]:
-        """What decides how images look and must be the same on all machines. Raises DatasetError, StoreError, NoRenderer."""
-        manifest = Dataset(Path(self.root)).manifest
-        mirror = mirror_of(manifest)
-        # asked of the store and not fetched: a mirror without a manifest is known for a worker's (run/slot/running.py)
-        if not (mirror.store.reach(mirror.name(manifest)) if mirror else manifest.exists()):
-            raise DatasetError(f"{self.root} is not there: --out must be where all nodes of the cluster reach it")
-        if code_version() != self.code:
-            raise DatasetError(f"runs code {code_version()}, the driver {self.code}: install the same version on all nodes")
-        return {"renderer": ensure_renderer()}
-
 
 SHOWN = 2  # episodes of a cell that the report shows: they stay on this machine until it is written
 

@@ -11,8 +11,8 @@ from pipeline.data.store.mirror import mirror_of
 from pipeline.data.store.urls import mirrors
 from pipeline.data.store.user_cache import CACHE
 from pipeline.run.identity.slot_keys import code_version
-from pipeline.run.slot import running
-from pipeline.run.slot.running import NodeCheck
+from pipeline.run.slot import node_check
+from pipeline.run.slot.node_check import NodeCheck
 from pipeline.world.drawing.vulkan import NoRenderer
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
@@ -21,7 +21,7 @@ RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
 @pytest.fixture(autouse=True)
 def renderer(monkeypatch):
     """A machine with a renderer, which is not started here."""
-    monkeypatch.setattr(running, "ensure_renderer", lambda: "a renderer, 1.0")
+    monkeypatch.setattr(node_check, "ensure_renderer", lambda: "a renderer, 1.0")
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_a_machine_without_a_renderer_is_refused(root, monkeypatch):
     def none():
         raise NoRenderer("no Vulkan driver")
 
-    monkeypatch.setattr(running, "ensure_renderer", none)
+    monkeypatch.setattr(node_check, "ensure_renderer", none)
     with pytest.raises(NoRenderer, match="no Vulkan driver"):
         NodeCheck(str(root), code_version())()
 
