@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pipeline.annotate.feature_stage import FeatureStage
 from pipeline.annotate.flow_stage import FlowStage
@@ -14,8 +15,7 @@ from pipeline.annotate.stage import Render, Stage
 from pipeline.annotate.stage_key import AnnotateError
 from pipeline.annotate.store import episode_paths
 from pipeline.data.episode.file import EpisodeError, open_episode
-from pipeline.data.select import parse_where, select_specs
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.select import fields_of, parse_where, select_rows
 from pipeline.registry import Registry
 
 
@@ -88,12 +88,12 @@ def select_episodes(dataset: Path, where: str | None) -> list[Path]:
     paths = episode_paths(dataset)
     if not where:
         return paths
-    specs: dict[Path, EpisodeSpec] = {}
+    fields = dict[Path, dict[str, Any]]()
     for path in paths:
         try:
             with open_episode(dataset / "episodes" / path) as e:
-                specs[path] = e.spec
+                fields[path] = fields_of(e.spec, e.meta)
         except EpisodeError:
             continue
-    chosen = {path for path, wanted in zip(specs, select_specs(list(specs.values()), expression), strict=True) if wanted}
-    return [path for path in paths if path in chosen or path not in specs]
+    chosen = {path for path, wanted in zip(fields, select_rows(list(fields.values()), expression), strict=True) if wanted}
+    return [path for path in paths if path in chosen or path not in fields]

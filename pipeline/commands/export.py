@@ -23,6 +23,7 @@ from pipeline.commands.common import (
 )
 from pipeline.data.dataset import Dataset
 from pipeline.data.licences import forbidden, licences_in
+from pipeline.data.splits import VALIDATION
 
 GIVEN = "given"
 FORMATS = "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds, dynamicwam, puma-gt"
@@ -121,7 +122,10 @@ def export(
         Literal["episodes", "failures"], typer.Option(help="What to export: the episodes, or the stored failed attempts.")
     ] = "episodes",
     embodiment: Annotated[str | None, typer.Option(help="Export these robots only, comma separated.", show_default="all")] = None,
-    where: Annotated[str | None, typer.Option(help='Export these episodes only, e.g. "level=3 and task=click_bell".')] = None,
+    where: Annotated[str | None, typer.Option(help='Export these episodes only, e.g. "level=3 and average_speed>0.1".')] = None,
+    validation: Annotated[
+        float, typer.Option(min=0, max=0.9, help="Share of physics episodes in the split named validation.")
+    ] = VALIDATION,
     ladder: Annotated[Path | None, typer.Option(help="Put the table of this OUT/ladder.json on the card.")] = None,
     workers: Workers = None,
     quiet: Quiet = False,
@@ -134,7 +138,7 @@ def export(
     source, robots = Dataset(dataset), split_list(embodiment)
     if embodiment is not None and not robots:
         raise UsageError(f"--embodiment {embodiment!r} names nothing: leave it out, or name some, separated by commas")
-    request = Request(format_, ctx.meta[GIVEN], out, split, robots or (), where or "", ladder)
+    request = Request(format_, ctx.meta[GIVEN], out, split, robots or (), where or "", validation, ladder)
     warn_of_pattern(out or dataset)
     made = run_export(source, request, executor_of("ray", workers)[1], not as_json and not quiet)
     if made.warning:
@@ -156,19 +160,18 @@ def publish(
     from pipeline.export import EXPORTERS
     from pipeline.export.publish import prepare
     from pipeline.export.publish import publish as send
-    from pipeline.export.shared.record import read_summary
+    from pipeline.run.export import differences
 
     source = Dataset(dataset)
     if format_ not in EXPORTERS:
         raise UsageError(f"--format {format_!r} is unknown: choose {', '.join(EXPORTERS)}")
-    place, recipe = source.exports(format_), source.recipe()
+    place = source.exports(format_)
     if not place.is_dir():
         raise UsageError(f"{place} is not there: run `domino-data export {dataset} --format {format_}` first")
     if held := forbidden(licences_in(source.made_by())):
         raise UsageError(f"{dataset}: shows {', '.join(held)}: this licence forbids publishing; ask its owner")
-    count, exported = len(source.accepted(recipe)), read_summary(place)["episodes"]
-    if count != exported:
-        raise UsageError(f"{place} has {exported} episodes, the dataset {count}: export it again first")
+    if problems := differences(source, place):
+        raise UsageError(f"{problems[0]}: export it again first")
     shipment = prepare(place, repo_id, private)
     if dry_run or not as_json:
         print_result(shipment.as_dict(), as_json, shipment.describe())

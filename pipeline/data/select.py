@@ -1,7 +1,8 @@
-"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over the fields of an episode's spec.
+"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over an episode's spec and a few facts of it.
 
-Comparisons (= == != < <= > >=, in, not in) of fields of EpisodeSpec with values, joined by and, or, not and brackets, as in Python.
-Values need quotes only where they hold other characters than letters, digits and `_ . + -`, or are named like a field.
+Comparisons (= == != < <= > >=, in, not in) of fields of EpisodeSpec and of FACTS with values, joined by
+and, or, not and brackets, as in Python. Values need quotes only if they hold other characters than letters,
+digits and `_ . + -`, or are named like a field.
 
 Python's parser reads the structure, with every value replaced by a placeholder; the tree is then translated, node by node, to a
 pyarrow.compute expression. Nothing of the text is evaluated, and a kind of node that is not listed here is refused.
@@ -13,28 +14,33 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real, show_value, whole
 from pipeline.data.spec import EpisodeSpec
+from pipeline.data.splits import VALIDATION, split_of
 
 LONGEST = 4000
 """Characters of an expression; deeper trees than these can make would exhaust the stack."""
 
 MOST_WHOLE = 2**63 - 1
 
+FACTS: dict[str, type] = {"average_speed": float, "maximum_speed": float, "T_meet": float, "split": str}
+"""Fields beside those of the spec, named and defined as in the table of episodes of an export (export/shared/provenance.py)."""
+
 _ARROW = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 _KINDS = {
     # of a field that may be None, the kind that it has where it is not
     name: next(kind for kind in (hint, *get_args(hint)) if kind in _ARROW)
     for name, hint in get_type_hints(EpisodeSpec).items()
-}
+} | FACTS
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in _KINDS.items()])
 _COMPARE = {
     ast.Eq: operator.eq,
@@ -60,16 +66,23 @@ class _Unreadable(ValueError):
     """What is wrong with an expression, without its text."""
 
 
-def select_specs(specs: Sequence[EpisodeSpec], where: pc.Expression) -> NDArray[np.bool_]:
-    """Which (N,) of the specs an expression of `parse_where` selects."""
-    table = pa.Table.from_pylist([asdict(spec) for spec in specs], _SCHEMA).append_column("row", pa.array(range(len(specs))))
-    chosen = np.zeros(len(specs), bool)
+def fields_of(spec: EpisodeSpec, meta: EpisodeMeta, validation: float = VALIDATION) -> dict[str, Any]:
+    """The fields of an episode; `validation` is the share of the split of that name."""
+    speeds = {"average_speed": meta.average_speed, "maximum_speed": meta.maximum_speed}
+    split = split_of(meta.physics_id or spec.to_json(), validation)
+    return {**asdict(spec), **speeds, "T_meet": meta.meeting_time, "split": split}
+
+
+def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDArray[np.bool_]:
+    """Which (N,) of the episodes, given by their fields, an expression of `parse_where` selects."""
+    table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column("row", pa.array(range(len(rows))))
+    chosen = np.zeros(len(rows), bool)
     chosen[table.filter(where)["row"].to_numpy()] = True
     return chosen
 
 
 def parse_where(text: str) -> pc.Expression:
-    """The pyarrow expression of a `--where` text over the fields of EpisodeSpec; a blank one selects all.
+    """The pyarrow expression of a `--where` text over the fields of an episode; a blank one selects all.
 
     Raises WhereError, one line that names the mistake and the fields.
     """

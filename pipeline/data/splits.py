@@ -2,8 +2,8 @@
 
 import hashlib
 
-HELD_OUT = {"validation": 0.1, "test": 0.1}
-"""Shares of physics episodes outside the split "train", in the order in which positions from 0 are dealt out."""
+VALIDATION, TEST = 0.1, 0.1
+"""Shares of physics episodes in the splits "validation" and "test", in the order in which positions from 0 are dealt out."""
 
 
 def position_of(physics_id: str) -> float:
@@ -11,11 +11,9 @@ def position_of(physics_id: str) -> float:
     return int.from_bytes(hashlib.sha256(physics_id.encode()).digest()[:8]) / 2**64
 
 
-def split_of(physics_id: str) -> str:
-    """ "train", "validation" or "test". All looks of one physics episode are in the same split."""
-    position, end = position_of(physics_id), 0.0
-    for split, share in HELD_OUT.items():
-        end += share
-        if position < end:
-            return split
-    return "train"
+def split_of(physics_id: str, validation: float = VALIDATION) -> str:
+    """ "train", "validation" or "test"; `validation` is the share of that one.
+
+    All looks of one physics episode are in the same split."""
+    position = position_of(physics_id)
+    return "validation" if position < validation else "test" if position < validation + TEST else "train"

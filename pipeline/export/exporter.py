@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from pipeline.data.splits import VALIDATION
 from pipeline.export.options import NoOptions
 from pipeline.export.shared.card import write_card
 from pipeline.export.shared.draft import ExportDraft, stage_directory
@@ -24,7 +25,7 @@ class Job[O]:
     `progress(1)` is called after each episode. `workers` is how many processes may work; what is written never depends on it.
     `describe(folder, summary)` gives the text of the card, Markdown, and may write images into the folder; without it the card says
     only what the summary does. `split` says whether these are the episodes or the failed attempts that are kept, `where` which
-    of them were selected (export/shared/episodes.py), empty for all.
+    of them were selected (export/shared/episodes.py), empty for all, and `validation` the share of that split (data/splits.py).
     """
 
     dataset: Path
@@ -36,6 +37,7 @@ class Job[O]:
     describe: Callable[[Path, Mapping[str, Any]], str] | None = None
     split: str = EPISODES
     where: str = ""
+    validation: float = VALIDATION
 
     def advance(self) -> None:
         """Count one more written episode."""
@@ -71,12 +73,14 @@ class Exporter[O](ABC):
         replaced only then. Raises ExportError as `write` and `stage_directory`, and for an export of another format there."""
         options = asdict(job.options)  # pyright: ignore[reportArgumentType]
         with stage_directory(job.out, job.dataset) as folder:
-            draft = ExportDraft(folder, job.out, job.dataset, self.name, options)
+            draft = ExportDraft(folder, job.out, job.dataset, self.name, options, job.validation)
             summary = {"format": self.name, "options": options, "split": job.split, **self.write(job, draft)}
             for path in job.episodes:
                 draft.hash_of(path)
             if job.where:
                 summary["where"] = job.where
+            if job.validation != VALIDATION:
+                summary["validation"] = job.validation
             if left := self._left_out(job):
                 summary[LEFT_OUT] = left
             write_card(folder, summary, self.configs(folder), job.describe(folder, summary) if job.describe else "")

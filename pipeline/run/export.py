@@ -1,7 +1,7 @@
 """`domino-data export`: choose the intact episodes of a dataset, or its kept failures, and write them in another format."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,13 @@ from tqdm import tqdm
 from pipeline.data.dataset import Dataset
 from pipeline.data.intact import intact_episodes, intact_failures
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.splits import VALIDATION
 from pipeline.data.store.mirror import replace_directory
 from pipeline.export import EXPORTERS, ExportError, Job, parse_options
 from pipeline.export.exporter import LEFT_OUT
 from pipeline.export.options import flag_name
 from pipeline.export.shared.episodes import EPISODES, FAILURES, expression, select_episodes
+from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
 
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
@@ -24,8 +26,9 @@ CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 class Request:
     """What to export: the format, its options by field name as texts and flags, and which episodes.
 
-    `split` is EPISODES or FAILURES (the failed attempts that are kept), `robots` and `where` select among them. The results of
-    `ladder`, an OUT/ladder.json, go on the card. `out` is DATASET/exports/FORMAT by default.
+    `split` is EPISODES or FAILURES (the failed attempts that are kept), `robots` and `where` select among them. `validation` is
+    the share of physics episodes in the split of that name. The results of `ladder`, an OUT/ladder.json, go on the card. `out` is
+    DATASET/exports/FORMAT by default.
     """
 
     format: str
@@ -34,6 +37,7 @@ class Request:
     split: str = EPISODES
     robots: Sequence[str] = ()
     where: str = ""
+    validation: float = VALIDATION
     ladder: Path | None = None
 
 
@@ -64,15 +68,26 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
         )
     more = _ladder(request.ladder, recipe) if request.ladder else {}
     fits = expression(request.where, _robots(request.robots, recipe))
-    episodes = select_episodes(sorted(_intact(source, recipe, failures)), fits)
+    episodes = select_episodes(sorted(_intact(source, recipe, failures)), fits, request.validation)
     place = request.out or source.exports(f"{request.format}-failures" if failures else request.format)
     with tqdm(total=len(episodes), unit="ep", disable=None if progress else True) as bar:
-        describing = describe(source.root, episodes, more)
-        job = Job(source.root, place, episodes, options, bar.update, workers, describing, request.split, fits)
+        job = Job(source.root, place, episodes, options, bar.update, workers, split=request.split, where=fits)
+        job = replace(job, describe=describe(source.root, episodes, more), validation=request.validation)
         with replace_directory(place):
             summary = exporter.export(job)
     left = summary.get(LEFT_OUT)
     return Export(summary, place, len(episodes), left_out_warning(request.format, left, exporter.options) if left else "")
+
+
+def differences(source: Dataset, place: Path) -> list[str]:
+    """How the export at `place` differs from what it wrote and from the episodes that it should hold, a line each.
+
+    Raises ExportError if it cannot be read, DatasetError for damaged episodes.
+    """
+    record = read_record(place)
+    episodes = _intact(source, source.recipe(), record.summary["split"] == FAILURES)
+    where, validation = record.summary.get("where", ""), record.summary.get("validation", VALIDATION)
+    return record.check(source.root, select_episodes(sorted(episodes), where, validation))
 
 
 def left_out_warning(format_: str, left: Sequence[str], options: type[Any]) -> str:

@@ -20,6 +20,11 @@ from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.report.page import refresh
 
+FEATURES = ("fps ", "camera ", "cameras ", "size ", "corrections ")
+"""Keys of a recipe that decide which columns and images a LeRobot export has."""
+
+EXPORTS = "; their LeRobot exports can be joined by `lerobot-edit-dataset` (docs/lerobot.md)"
+
 SHARED = (("physics", "core"), ("render", "renderer"), ("render", "shaders"))
 """Parts of the keys that are the same for every slot of one version of the code."""
 
@@ -90,7 +95,11 @@ def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Reci
     first = recipes[0]
     for source, other in zip(sources[1:], recipes[1:], strict=True):
         if changed := differences(first, other):
-            raise DatasetError(f"{sources[0].root} and {source.root} are of different recipes: {'; '.join(changed)}")
+            # of the same frames and cameras, LeRobot exports fit together nevertheless
+            fit = not any(line.startswith(FEATURES) for line in changed)
+            raise DatasetError(
+                f"{sources[0].root} and {source.root} are of different recipes: {'; '.join(changed)}{EXPORTS if fit else ''}"
+            )
     if all(other == first for other in recipes):
         return first
     update: dict[str, Any] = {

@@ -1,13 +1,16 @@
 """`--where` expressions: what they select, and one clear line for what they cannot mean."""
 
+from dataclasses import asdict
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.data.select import WhereError, parse_where, select_specs
+from pipeline.data.select import WhereError, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
 
 SPEC = EpisodeSpec("click_bell", "aloha-agilex", 3, 0.1, "clean", 7, 42)
+FIELDS = asdict(SPEC) | {"average_speed": 0.08, "maximum_speed": 0.15, "T_meet": 2.5, "split": "validation"}
 
 
 @pytest.mark.parametrize(
@@ -33,10 +36,13 @@ SPEC = EpisodeSpec("click_bell", "aloha-agilex", 3, 0.1, "clean", 7, 42)
         ("2 < level <= 3", True),
         ("8 > slot", True),
         ("task='level'", False),
+        ("average_speed < 0.1 and maximum_speed>=.15", True),
+        ("2 < T_meet < 3 and split=validation", True),
+        ("split in (train, test)", False),
     ],
 )
 def test_selects(text: str, expected: bool):
-    assert select_specs([SPEC], parse_where(text)).tolist() == [expected]
+    assert select_rows([FIELDS], parse_where(text)).tolist() == [expected]
 
 
 @pytest.mark.parametrize(
@@ -74,7 +80,7 @@ def test_errors_are_one_line_and_name_the_fields(text: str, words: str):
 
 
 def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():
-    assert select_specs([SPEC], parse_where(" or ".join(["level=3"] * 350))).all()
+    assert select_rows([FIELDS], parse_where(" or ".join(["level=3"] * 350))).all()
     with pytest.raises(WhereError, match="is nested too deeply"):
         parse_where("not " * 990 + "level=3")
 
@@ -82,7 +88,7 @@ def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():
 @given(st.text(st.sampled_from("level=3 task in(click_bell,)'\"<!x[]{}.:;\n\\#@lambda"), max_size=40))
 def test_any_text_is_an_expression_or_one_line(text: str):
     try:
-        select_specs([SPEC], parse_where(text))
+        select_rows([FIELDS], parse_where(text))
     except WhereError as error:
         assert "\n" not in str(error)
 
@@ -99,4 +105,4 @@ def test_agrees_with_python(tree: tuple, level: int, slot: int):
 
     spec = EpisodeSpec("t", "e", level, 0.1, "clean", slot, 2)
     expected = eval(text(tree), {"level": level, "slot": slot, "seed": 2})
-    assert select_specs([spec], parse_where(text(tree))).tolist() == [expected]
+    assert select_rows([asdict(spec)], parse_where(text(tree))).tolist() == [expected]

@@ -135,9 +135,9 @@ def test_other_levels_of_a_recipe_are_joined_into_one_that_wants_both(tmp_path):
     assert (out.recipe().levels, out.recipe().episodes) == ((1, 2), 3)
 
 
-@pytest.mark.parametrize("fault", ["recipe", "code", "bytes", "damaged"])
+@pytest.mark.parametrize("fault", ["recipe", "size", "code", "bytes", "damaged"])
 def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
-    other = RECIPE.model_copy(update={"seed": 3}) if fault == "recipe" else RECIPE
+    other = RECIPE.model_copy(update={"recipe": {"seed": 3}, "size": {"size": (96, 64)}}.get(fault, {}))
     a, b = made(tmp_path / "a", {0, 1}), made(tmp_path / "b", {1, 2}, other)
     _, second, third = RECIPE.slots()
     if fault == "code":
@@ -149,8 +149,9 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
         record(b, second)
     code, out, err = inside("merge", a.root, b.root, "--out", tmp_path / "c")
     said = {"recipe": "seed is 0 there, not 3", "code": "physics: core", "bytes": "with other bytes", "damaged": "bytes differ"}
+    said["size"] = "size is"
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said[fault] in err
+    assert said[fault] in err and ("lerobot-edit-dataset" in err) == (fault == "recipe")
     assert not list((tmp_path / "c").glob("report/*"))
 
 

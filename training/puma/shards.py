@@ -18,8 +18,7 @@ from pipeline.data.annotations import CorruptAnnotation, annotation_path, read_e
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.data.select import parse_where, select_specs
-from pipeline.data.spec import EpisodeSpec
+from pipeline.data.select import FACTS, parse_where, select_rows
 from training.puma.config import Config, Source
 from training.puma.errors import TrainError
 
@@ -106,8 +105,8 @@ class Shards:
 
     def _choose_rows(self, rows: Sequence[dict[str, Any]]) -> list[Row]:
         names = ("task", "embodiment", "level", "alpha", "domain", "slot", "seed")
-        specs = [EpisodeSpec(**{name: row[name] for name in names}) for row in rows]
-        wanted = select_specs(specs, parse_where(self.where))
+        fields = [{name: row[name] for name in (*names, *FACTS)} for row in rows]
+        wanted = select_rows(fields, parse_where(self.where))
         chosen = [
             Row(
                 row["episode_index"],

@@ -85,7 +85,7 @@ def write_files(
 
     `also` is what a file is made from beside its episode, plain data. Yields the facts of each episode. Raises ExportError for
     unreadable episodes and for those that do not fit together."""
-    with closing(Provenance(directory / PROVENANCE)) as rows:
+    with closing(Provenance(directory / PROVENANCE, draft.validation)) as rows:
         for episode, made in places.items():
             made_from = ["episode", draft.hash_of(episode), *also]
             kept = draft.keep(made, made_from)
@@ -135,7 +135,7 @@ class Hdf5Exporter[O](Exporter[O]):
         """The text files of a whole directory by name, from the notes of its episodes; most formats have none."""
         return {}
 
-    def finish(self, directory: Path) -> None:
+    def finish(self, directory: Path, validation: float) -> None:
         """Write what describes a whole directory, from its episodes.parquet; most formats have nothing more to write."""
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
@@ -160,7 +160,7 @@ class Hdf5Exporter[O](Exporter[O]):
                 notes.append(self.note(facts))
                 values["frames"] += len(facts)
             _write_texts(directory, self.lists(notes))
-            self.finish(directory)
+            self.finish(directory, job.validation)
         return values
 
 

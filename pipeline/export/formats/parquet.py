@@ -62,7 +62,7 @@ class Parquet(Exporter[ParquetOptions]):
         firsts = _firsts(paths, job.dataset)
         joined = joined_of(job.dataset, job.options.annotations, job.options.camera_names)
         plan = _plan(firsts, job.options, _sensors(paths), joined)
-        files, rows = _Files(draft, plan, job.options), Provenance(draft.folder / PROVENANCE)
+        files, rows = _Files(draft, plan, job.options), Provenance(draft.folder / PROVENANCE, draft.validation)
         with closing(rows), closing(files):
             items = [_item(index, path, draft, plan) for index, path in enumerate(paths)]
             kept = 0

@@ -71,7 +71,7 @@ class Rlds(Exporter[RldsOptions]):
         frames, cameras, directories = 0, dict[str, str](), _directories(job.episodes, draft.folder)
         for directory, paths in directories.items():
             first, features = None, dict[str, Any]()
-            with closing(Provenance(directory / PROVENANCE)) as rows:
+            with closing(Provenance(directory / PROVENANCE, draft.validation)) as rows:
                 for path in paths:
                     with reading(path) as file:
                         facts = read_facts(file, job.dataset)

@@ -12,7 +12,8 @@ One robot needs no directory of its own. `obs[t]` is measured at frame t, `actio
 interval after it, in rad, grippers 0 to 1: robomimic's `normalization: min_max` of actions brings them to -1..1. `rewards` and
 `dones` are 1 in the last frame, rewards of failed attempts 0. `object` is the target's pose, linear (m/s) and
 angular velocity (rad/s). Episodes of earlier versions have no angular velocity; their `object` is (T,10). Masks are `train` and
-`valid` (every tenth `physics_id`, by its hash), and one for every task and level.
+`valid` (every tenth `physics_id`, by its hash; with --validation the split of that name), and one for
+every task and level.
 """
 
 import hashlib
@@ -30,6 +31,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
+from pipeline.data.splits import VALIDATION
 from pipeline.export.exporter import register
 from pipeline.export.formats.hdf5_files import Contents, Hdf5Exporter
 from pipeline.export.options import camera_names_option, image_size, option
@@ -104,9 +106,9 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         }
         return Contents(values, attributes, {f"next_{key}": key for key in obs})
 
-    def finish(self, directory: Path) -> None:
+    def finish(self, directory: Path, validation: float) -> None:
         """Write demos.hdf5."""
-        attributes, masks, count = index_of(directory / PROVENANCE)
+        attributes, masks, count = index_of(directory / PROVENANCE, validation)
         with new_hdf5(directory / INDEX) as f:
             data, mask = f.create_group("data"), f.create_group("mask")
             data.attrs.update(attributes)
@@ -116,12 +118,12 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
                 mask[name] = np.array(demos, "S")
 
 
-def index_of(provenance: Path) -> tuple[dict[str, Any], dict[str, list[str]], int]:
+def index_of(provenance: Path, validation: float) -> tuple[dict[str, Any], dict[str, list[str]], int]:
     """Attributes of the data, demos by mask, and the number of demos, from an episodes.parquet."""
-    rows = pq.read_table(provenance, columns=["length", "task", "level", "physics_id", "source"]).to_pylist()
+    rows = pq.read_table(provenance, columns=["length", "task", "level", "physics_id", "source", "split"]).to_pylist()
     masks: dict[str, list[str]] = defaultdict(list)
     for index, row in enumerate(rows):
-        for name in (_split(row["physics_id"] or row["source"]), row["task"], f"{row['task']}_L{row['level']}"):
+        for name in (_split(row, validation), row["task"], f"{row['task']}_L{row['level']}"):
             masks[name].append(f"demo_{index}")
     tasks = sorted({row["task"] for row in rows})
     environment = {"env_name": "+".join(tasks), "type": GYM_TYPE, "env_kwargs": {}}
@@ -129,8 +131,11 @@ def index_of(provenance: Path) -> tuple[dict[str, Any], dict[str, list[str]], in
     return attributes, {name: masks[name] for name in sorted(masks)}, len(rows)
 
 
-def _split(physics_id: str) -> str:
-    return "train" if int(hashlib.sha256(physics_id.encode()).hexdigest(), 16) % HELD_OUT else "valid"
+def _split(row: Mapping[str, Any], validation: float) -> str:
+    if validation != VALIDATION:
+        return "valid" if row["split"] == "validation" else "train"
+    identity = row["physics_id"] or row["source"]
+    return "train" if int(hashlib.sha256(identity.encode()).hexdigest(), 16) % HELD_OUT else "valid"
 
 
 def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:

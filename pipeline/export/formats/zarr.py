@@ -150,7 +150,7 @@ def ends_of(buffer: Buffer, root: Path) -> ZarrArray:
 def _describe(buffer: Buffer, directory: Path, job: Job[ZarrOptions]) -> dict[str, str]:
     """Write episodes.parquet and return the names of the cameras; refuse episodes that do not fit together."""
     names = dict[str, str]()
-    with closing(Provenance(directory / PROVENANCE)) as rows:
+    with closing(Provenance(directory / PROVENANCE, job.validation)) as rows:
         for path in buffer.paths:
             with reading(path) as file:
                 facts = read_facts(file, job.dataset)

@@ -77,13 +77,13 @@ class OlderExport:
 
 
 class ExportDraft:
-    """An export of `dataset` while it is written to `folder`, before it becomes `out`.
+    """An export of `dataset` while it is written to `folder`, before it becomes `out`; `validation` is the share of that split.
 
     Take over what the older export has by `keep`, record what is written by `record`.
     """
 
-    def __init__(self, folder: Path, out: Path, dataset: Path, format_: str, options: Mapping[str, Any]) -> None:
-        self.folder, self.out, self.dataset = folder, out, dataset
+    def __init__(self, folder: Path, out: Path, dataset: Path, format_: str, options: Mapping[str, Any], validation: float) -> None:
+        self.folder, self.out, self.dataset, self.validation = folder, out, dataset, validation
         self.older = OlderExport(out, format_, options)
         self._inputs: dict[str, str | None] = {}
         self._contents: dict[str, dict[str, Any]] = {}

@@ -15,8 +15,9 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import exported_names
-from pipeline.data.select import parse_where, select_specs
+from pipeline.data.select import fields_of, parse_where, select_rows
 from pipeline.data.spec import EpisodeSpec
+from pipeline.data.splits import VALIDATION
 
 EPISODES, FAILURES = "episodes", "failures"
 """Splits of a dataset: what is exported where nothing else is said, and the failed attempts that are kept."""
@@ -223,18 +224,19 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
     return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
 
 
-def select_episodes(episodes: Sequence[Path], where: str) -> list[Path]:
+def select_episodes(episodes: Sequence[Path], where: str, validation: float = VALIDATION) -> list[Path]:
     """The episodes that an expression selects, in their order; all of them for an empty one.
 
-    Raises WhereError for an expression that cannot be read, ExportError if it selects no episode.
+    `validation` is the share of the split of that name. Raises WhereError for an expression that cannot be read, ExportError if it
+    selects no episode.
     """
     if not where:
         return list(episodes)
-    wanted, specs = parse_where(where), []
+    wanted, fields = parse_where(where), []
     for path in episodes:
         with reading(path) as file:
-            specs.append(file.spec)
-    chosen = [path for path, fits in zip(episodes, select_specs(specs, wanted), strict=True) if fits]
+            fields.append(fields_of(file.spec, file.meta, validation))
+    chosen = [path for path, fits in zip(episodes, select_rows(fields, wanted), strict=True) if fits]
     if not chosen:
         raise ExportError(f"no episode fits --where {where!r}: `domino-data status` lists what the dataset holds")
     return chosen

@@ -10,7 +10,7 @@ import pyarrow as pa
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import SIDES
 from pipeline.data.rules import rules_of
-from pipeline.data.splits import split_of
+from pipeline.data.splits import VALIDATION, split_of
 from pipeline.export.shared.derived import interception
 from pipeline.export.shared.episodes import Facts, same
 from pipeline.export.shared.script import rows_of
@@ -18,10 +18,11 @@ from pipeline.export.shared.tables import RowWriter
 from pipeline.motion.recorded.group import conditions_of
 
 
-def scalars(facts: Facts) -> dict[str, Any]:
+def scalars(facts: Facts, validation: float = VALIDATION) -> dict[str, Any]:
     """Provenance of an episode, one value a column: small enough to travel with every row of episode metadata.
 
-    Rows of one `physics_id` show the same physics in other looks; they share their `split` (data/splits.py). `rules` joins the
+    Rows of one `physics_id` show the same physics in other looks; they share their `split` (data/splits.py), of which that named
+    validation has the share `validation`. `rules` joins the
     rules, what the first touch does, and where the bases stand unless at our places (data/rules.py).
     T_meet is the planned meeting, x_meet, y_meet and z_meet (m) its place, t_motion_start when the target began to move, t_meeting,
     t_release and t_success when these happened, t_contact_left and t_contact_right when an arm touched the target first, all in s
@@ -50,7 +51,7 @@ def scalars(facts: Facts) -> dict[str, Any]:
         "maximum_speed": meta.maximum_speed,
         "physics_id": meta.physics_id,
         "variant": meta.variant,
-        "split": split_of(meta.physics_id or spec.to_json()),
+        "split": split_of(meta.physics_id or spec.to_json(), validation),
         "target": meta.target,
         "arms": "+".join(sorted(set(arms.values()))),
         "physics_key": meta.physics_key,
@@ -97,12 +98,12 @@ PROVENANCE_SCHEMA = pa.schema(
 )
 
 
-def provenance(index: int, facts: Facts) -> dict[str, Any]:
+def provenance(index: int, facts: Facts, validation: float) -> dict[str, Any]:
     """One row of PROVENANCE_SCHEMA: `scalars` plus all instructions and, as JSON, motion, objects and events (times in s)."""
     return {
         "episode_index": index,
         "length": facts.kept,
-        **scalars(facts),
+        **scalars(facts, validation),
         "instruction": facts.instruction,
         "instructions_seen": facts.seen,
         "instructions_unseen": facts.unseen,
@@ -119,14 +120,15 @@ PROVENANCE = "episodes.parquet"
 class Provenance(RowWriter):
     """A Parquet file of `provenance` rows, written a hundred at a time; `count` episodes with `frames` frames so far."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, validation: float) -> None:
         super().__init__(path, PROVENANCE_SCHEMA, 100)
+        self.validation = validation
         self.count = self.frames = 0
         self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
         """Add the next episode. Raises ExportError for one that does not fit to the first of its robot."""
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
-        self.add(provenance(self.count, facts))
+        self.add(provenance(self.count, facts, self.validation))
         self.count += 1
         self.frames += len(facts)

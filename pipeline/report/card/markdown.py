@@ -6,9 +6,9 @@ from pipeline.html import markdown
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(map(markdown, line)) + " |" for line in lines) + "\n\n"
+    """A Markdown table; the head is Markdown, cells are escaped."""
+    lines = [head, ["---"] * len(head), *(map(markdown, row) for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n\n"
 
 
 def bullets(lines: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ from pipeline.data.cameras import CameraType, intrinsics
 from pipeline.data.dataset import Dataset
 from pipeline.data.licences import licences_in
 from pipeline.data.names import exported_names
-from pipeline.data.splits import split_of
+from pipeline.data.splits import TEST, VALIDATION, split_of
 from pipeline.html import Markdown, code_block, code_span, markdown
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar.levels import mean_speed
@@ -61,7 +61,7 @@ def describe(
             + _out_of_view(seen, summary)
             + _joints(seen),
             "How to load it": _loading(folder, summary),
-            "Splits": _splits(seen),
+            "Splits": _splits(seen, summary.get("validation", VALIDATION)),
             "How it was made": _describe_origin(dataset, summary),
             **(more or {}),
             "Known limits": bullets(limits(seen, summary)),
@@ -231,7 +231,7 @@ def _loading(folder: Path, summary: Mapping[str, Any]) -> str:
     return said + "\n".join(f"{tool}:\n\n```python\n{code}```\n" for tool, code in loading(summary, parts).items())
 
 
-def _splits(seen: Sequence[Seen]) -> str:
+def _splits(seen: Sequence[Seen], validation: float) -> str:
     def count(values: Iterable[object]) -> int:
         return len({repr(value) for value in values})
 
@@ -245,14 +245,17 @@ def _splits(seen: Sequence[Seen]) -> str:
         ["sentences, unseen", len(unsaid)],
         ["sentences in both", len(said & unsaid)],
     ]
-    counts = Counter(split_of(one.meta.physics_id or one.spec.to_json()) for one in seen)
+    counts = Counter(split_of(one.meta.physics_id or one.spec.to_json(), validation) for one in seen)
     shares = [[split, counts[split]] for split in ("train", "validation", "test")]
+    percent = ", ".join(f"{100 * share:g}" for share in (1 - validation - TEST, validation))
     return (
-        "The column `split` of the table of episodes is `train`, `validation` or `test` (80, 10 and 10 % of the physics episodes "
-        "on average), chosen by a hash of `physics_id`: the same in every format and rendering, all looks of one motion in one "
-        "split. `load_dataset(..., split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes, because they can "
-        "name only ranges of rows: select by the column. Seen and unseen sentences have templates and descriptions of their own. "
-        "To hold out textures, split by domain.\n\n" + table(["split", "episodes"], shares) + table(["distinct", "number"], rows)
+        f"The column `split` of the table of episodes is `train`, `validation` or `test` ({percent} and 10 % of the physics "
+        "episodes on average), chosen by a hash of `physics_id`: the same in every format and rendering, all looks of one motion "
+        "in one split. `load_dataset(..., split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes, because "
+        "they can name only ranges of rows: select by the column. Seen and unseen sentences have templates and descriptions of "
+        "their own. To hold out textures, split by domain.\n\n"
+        + table(["split", "episodes"], shares)
+        + table(["distinct", "number"], rows)
     )
 
 

@@ -77,7 +77,7 @@ class V3Writer(Writer):
             row |= self._append_video(key, clip, facts)
             places[camera] = self.videos[key].path, self.videos[key].frames - length
         row |= {f"stats/{name}/{stat}": v.tolist() for name, entry in stats.items() for stat, v in entry.items()}
-        row |= {f"domino.{name}": value for name, value in scalars(facts).items()}
+        row |= {f"domino.{name}": value for name, value in scalars(facts, self.draft.validation).items()}
         if self.rows_to is None:
             self.rows_to = Tables(self.root / "meta" / "episodes", episode_schema(row, stats))
         self.rows.append(row)
