@@ -27,7 +27,12 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
 from pipeline.data.store.urls import with_urls
 
+Baselines = Annotated[
+    bool, typer.Option("--baselines", help="Also evaluate `static` and `still` on the same scenes; printed beside the table.")
+]
+
 if TYPE_CHECKING:
+    from pipeline.evaluate.evaluate import Outcome
     from pipeline.evaluate.policies.policy import PolicyName
 
 PRINTS = "policy.log"
@@ -53,6 +58,7 @@ def evaluate(
     ] = None,
     instructions: Annotated[str, typer.Option(help="Instructions of the split seen or unseen.")] = "unseen",
     compounding: Annotated[bool, typer.Option(help="Apply the clutter penalty to every distractor, as the original does.")] = False,
+    baselines: Baselines = False,
     films: Annotated[int, typer.Option(min=0, max=1000, help="Film the first episodes of every cell (OUT/films).")] = 0,
     answer_seconds: Annotated[
         float,
@@ -103,6 +109,7 @@ def evaluate(
         compounding=compounding,
         films=films,
         answer_seconds=answer_seconds,
+        baselines=baselines,
     )
     together = answer_together(wanted, crew, None if batch_wait is None else batch_wait / 1000)
     with (
@@ -119,13 +126,24 @@ def evaluate(
             f"domino-data: warning: episodes without a valid answer of the policy, which count as failed: {count} ({first})",
             file=sys.stderr,
         )
-    text = [table(outcome.cells)]
-    text += [
-        f"mean of {m['tasks']} tasks ({m['category']}), level {m['level']}: SR {m['success_rate']:.1f} %, "
-        f"RC {m['route_completion']:.1f}, MS {m['manipulation_score']:.1f}"
-        for m in outcome.means
-    ]
+    text = [table(outcome.cells), *_mean_lines(outcome)]
     print_result(outcome.to_dict(), as_json, "\n".join(text))
+
+
+def _mean_lines(outcome: "Outcome") -> list[str]:
+    """Means over tasks, each followed by what the baselines score on the same scenes."""
+    same = ("level", "alpha", "domain", "embodiment", "category")
+
+    def line(mean: dict[str, Any], name: str) -> str:
+        scores = f"SR {mean['success_rate']:.1f} %, RC {mean['route_completion']:.1f}, MS {mean['manipulation_score']:.1f}"
+        return f"{name}: {scores}"
+
+    out = list[str]()
+    for mean in outcome.means:
+        out.append(line(mean, f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}"))
+        beside = [row for row in outcome.baselines if all(row[key] == mean[key] for key in same)]
+        out += [line(row, f"   {row['policy']} on {row['episodes']} of these {mean['episodes']} scenes") for row in beside]
+    return out
 
 
 def _named(policy: str, in_process: bool, prints: Path | None = None) -> "PolicyName":
@@ -174,7 +192,16 @@ def compare(
 
     first, *others = read_arms(runs)
     found = [row for other in others for row in (compare_unpaired if unpaired else compare_arms)(first, other, effect)]
-    print_result({"effect": effect, "comparisons": found}, as_json, _describe(found, effect))
+    text = "\n".join([_describe(found, effect), *dict.fromkeys(map(_describe_share, found))]).rstrip()
+    print_result({"effect": effect, "comparisons": found}, as_json, text)
+
+
+def _describe_share(row: dict[str, Any]) -> str:
+    """What is left out of a comparison, if anything is."""
+    tried = [row.get("first_episodes"), row.get("second_episodes")]
+    if tried == [row.get("shared")] * 2:
+        return ""
+    return f"{row['second']} against {row['first']}: the {row['shared']} episodes of both, of {tried[1]} and {tried[0]}"
 
 
 def _describe(rows: list[dict[str, Any]], effect: float) -> str:
@@ -206,6 +233,7 @@ def paper_table(
     tasks: Annotated[str, typer.Option(help="Only these of its tasks, such as click_bell.")] = "",
     episodes: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes per task and level; the paper has 100.")] = 100,
     clock: Annotated[str | None, typer.Option(help="As for `evaluate`; that of the rules by default.")] = None,
+    baselines: Baselines = False,
     in_process: Annotated[bool, typer.Option("--in-process", help="As for `evaluate`.")] = False,
     executor: Executor = "auto",
     workers: Workers = None,
@@ -226,9 +254,10 @@ def paper_table(
     }
     recipe = given.recipe(rules="domino", **cells)
     setup = recipe.setup.override({"textures": "unseen"})
-    wanted = evaluation_of(recipe, setup, _named(policy, in_process), clock or "", episodes=episodes)
-    means = run_evaluation(wanted, out, runner(crew_of(executor, workers, None))).to_dict()["means"]
-    rows = beside(found, means)
+    wanted = evaluation_of(recipe, setup, _named(policy, in_process), clock or "", episodes=episodes, baselines=baselines)
+    outcome = run_evaluation(wanted, out, runner(crew_of(executor, workers, None)))
+    means = outcome.means
+    rows = beside(found, [*means, *outcome.baselines])
     apart = differences(found, episodes, means[0]["rules"], means[0]["clock"])
     apart += [f"tasks {tasks} alone"] if tasks else []
     lines = [

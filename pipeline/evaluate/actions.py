@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from pipeline.data.errors import DominoError
 from pipeline.planning.kinematics import ik_many
 from pipeline.planning.planner import Planner, planner_of
-from pipeline.poses import Floats
+from pipeline.poses import Floats, compose
 from pipeline.world.robots.contract import Embodiment
 
 POSE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -86,10 +86,11 @@ class ToolPoses:
     def __init__(self, embodiment: Embodiment) -> None:
         self._planner: Planner = planner_of(embodiment)
 
-    def joints(self, action: Floats, command: Floats) -> tuple[Floats, tuple[str, ...]]:
+    def joints(self, action: Floats, command: Floats, tools: Floats | None = None) -> tuple[Floats, tuple[str, ...]]:
         """The joint action (A,) nearest to the command (A,), and the sides whose pose is out of reach: these hold still.
 
-        Quaternions need not be normalised. Raises ActionError for a quaternion of length zero.
+        With `tools` (S,7) the poses are relative to these. Quaternions need not be normalised.
+        Raises ActionError for a quaternion of length zero.
         """
         now, out, missed = self._planner.split(command), list[Floats](), list[str]()
         for i, side in enumerate(now):
@@ -98,6 +99,7 @@ class ToolPoses:
             if length < 1e-6:
                 raise ActionError(f"the quaternion of the {side} tool is zero")
             pose[3:] /= length
+            pose = pose if tools is None else compose(tools[i], pose)
             q, reached = ik_many(self._planner.chains[side], pose[None], now[side][0][None])
             if not reached[0]:
                 missed.append(side)

@@ -19,7 +19,7 @@ from pipeline.evaluate.film import FilmJob, film, film_id, jpeg, read_strip, she
 from pipeline.evaluate.names import is_built_in
 from pipeline.evaluate.page import Film, caption, page
 from pipeline.evaluate.policies.policy import PolicyError, PolicyName, Start
-from pipeline.evaluate.scenes.case import BLIND, Case
+from pipeline.evaluate.scenes.case import BLIND, Case, blind
 from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import Clock
 from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode, text_key
@@ -28,11 +28,15 @@ from pipeline.evaluate.serving.client import ANSWER_SECONDS
 from pipeline.evaluate.serving.probe import PROMPT
 from pipeline.world.robots import get_embodiment
 
+BASELINES = ("static", "still")
+"""Policies whose scores are printed beside those of others: one that solves still scenes, and one that does nothing."""
+
 
 @dataclass(frozen=True)
 class Evaluation:
     """What is to be evaluated. `code` names the version of this program: results of another version do not count. The first `films`
-    episodes of every cell are filmed. One answer of the policy may take `answer_seconds`."""
+    episodes of every cell are filmed. One answer of the policy may take `answer_seconds`. With `baselines`, BASELINES try the
+    same scenes."""
 
     cells: tuple[Cell, ...]
     policy: PolicyName
@@ -45,17 +49,20 @@ class Evaluation:
     code: str = ""
     films: int = 0
     answer_seconds: float = ANSWER_SECONDS
+    baselines: bool = False
 
 
 @dataclass(frozen=True)
 class Outcome:
     """The result of an evaluation: a row for every cell, means over tasks, and the number of episodes run by this call.
 
-    Also names the file of all rows, and the page of those of this version of the program.
+    `baselines` are the means of BASELINES on those of the scenes that they have tried. Also names the file of all rows, and the
+    page of those of this version of the program.
     """
 
     cells: list[Row]
     means: list[Row]
+    baselines: list[Row]
     run: int
     path: Path
     page: Path
@@ -67,7 +74,8 @@ class Outcome:
 
     def to_dict(self) -> dict[str, Any]:
         """For a program to read."""
-        return {"results": self.cells, "means": self.means, "run": self.run, "episodes": str(self.path), "page": str(self.page)}
+        values = {"results": self.cells, "means": self.means, "baselines": self.baselines}
+        return values | {"run": self.run, "episodes": str(self.path), "page": str(self.page)}
 
 
 def evaluate(
@@ -80,7 +88,9 @@ def evaluate(
     PolicyError if the policy cannot be made, refuses or differs from the one that made rows of this label, and Busy if another
     evaluation writes to `out`; finished rows stay.
     """
-    seeds = Manifests(manifests or out / "manifests", wanted.seed, wanted.setup)
+    # an alpha drawn for each episode: one layout at every speed would be the only one
+    apart = len({cell.alpha for cell in wanted.cells}) > wanted.episodes
+    seeds = Manifests(manifests or out / "manifests", wanted.seed, wanted.setup, apart)
     for place in (out, seeds.root):
         check_directory(place)
     wanted = replace(wanted, policy=_introduced(wanted, run, tell))
@@ -91,15 +101,24 @@ def evaluate(
         tell("admitting seeds")
         admitted = seeds.admitted(wanted.cells, wanted.episodes, run)
         jobs = {text_key(job.key): job for cases in admitted.values() for job in (_job(wanted, case) for case in cases)}
-        missing = _unforeseen([_job(wanted, case) for case in cases] for cases in admitted.values())
+        beside = [_baseline(wanted, name) for name in BASELINES]
+        tried = [wanted, *(beside if wanted.baselines else ())]
+        missing = _unforeseen([_job(each, case) for case in cases] for each in tried for cases in admitted.values())
         missing = [job for job in missing if text_key(job.key) not in results]
         if missing:
             for done, (job, row) in enumerate(run(run_episode, missing), 1):
                 results.append(text_key(job.key), row)
                 tell(f"{done} of {len(missing)} episodes")
         rows = results.of(jobs)
+        others = results.of(text_key(_job(each, case).key) for each in beside for cases in admitted.values() for case in cases)
         _film(wanted, admitted, out, run, tell)
-        return Outcome(summarise(rows), over_tasks(rows), len(missing), results.path, _write_page(wanted.code, results, out))
+        page = _write_page(wanted.code, results, out)
+        return Outcome(summarise(rows), over_tasks(rows), over_tasks(others), len(missing), results.path, page)
+
+
+def _baseline(wanted: Evaluation, name: str) -> Evaluation:
+    """The same evaluation of a policy that shows what scenes and scores are worth to one that has learned nothing."""
+    return replace(wanted, policy=PolicyName(name, name, process="evaluator"), setup=blind(wanted.setup), films=0)
 
 
 def _check_identity(wanted: Evaluation, results: Results) -> None:

@@ -43,7 +43,7 @@ class Form(Protocol):
     """A kind of policy that is named KIND:..."""
 
     def name(self, text: str) -> PolicyName:
-        """Check that the policy exists, without making it; says in which process it is made. Raises PolicyError."""
+        """Check that the policy exists, without making it, and name the process to make it in. Raises PolicyError."""
         ...
 
     def make(self, text: str) -> Policy:

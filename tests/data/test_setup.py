@@ -64,3 +64,5 @@ def test_a_camera_may_be_placed_by_what_it_looks_at():
     for wrong in ({"position": (1, 1, 1)}, {"position": (1, 1, 1), "look_at": (1, 1, 1)}):
         with pytest.raises(ValidationError):
             NamedCamera(**size, **wrong)
+    with pytest.raises(ValueError, match="valid integer"):
+        NamedCamera(**{**size, "width": True}, pose=[0, 0, 2, 1, 0, 0, 0])

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -49,7 +50,12 @@ def test_an_evaluation_has_a_page_and_films_on_request(tmp_path):
     picture = cv2.imread(str(tmp_path / "contact_sheet.jpg"))
     assert picture.shape == (24 + 150, 6 * 200, 3)
     assert picture[40:].std() > 5
-    # a second call films nothing again
+    # a second call films nothing again, and evaluates what it is asked for besides
     before = mp4.stat().st_mtime_ns
-    assert evaluate(wanted, tmp_path, inline).run == 0
-    assert mp4.stat().st_mtime_ns == before
+    second = evaluate(replace(wanted, baselines=True), tmp_path, inline)
+    assert second.run == 2 and mp4.stat().st_mtime_ns == before
+    third = evaluate(wanted, tmp_path, inline)
+    assert third.run == 0 and third.baselines == second.baselines and outcome.baselines == []
+    scores = {(row["policy"], row["category"]): row["manipulation_score"] for row in third.baselines}
+    assert set(scores) == {(name, group) for name in ("static", "still") for group in ("all", "tracking")}
+    assert scores["still", "all"] < 10

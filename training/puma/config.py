@@ -5,7 +5,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from pipeline.data.names import CAMERAS, MOUNTED
 from pipeline.data.parsing import LARGEST_NUMBER, SHOWN, bounded, show_value
@@ -22,6 +30,8 @@ class _Part(BaseModel):
     @classmethod
     def _number(cls, value: Any, info: ValidationInfo) -> Any:
         """YAML true/false is not accepted where a number is expected, nor a text for a whole number, nor 10^30 anywhere."""
+        if info.field_name == "precision" and value is False:
+            return "no"  # as YAML reads it
         kind = cls.model_fields[str(info.field_name)].annotation
         parts = value if isinstance(value, list | tuple) else [value]
         if kind is not bool and any(isinstance(part, bool) for part in parts):

@@ -69,9 +69,9 @@ class CameraInfo(_Record):
     """A camera: image size (pixels), vertical field of view (degrees), the link that carries it (None: fixed in the world), and
     its pose (7,) in that link or in the world, x forward, y left, z up."""
 
-    width: Annotated[int, Field(ge=1, le=8192)]
-    height: Annotated[int, Field(ge=1, le=8192)]
-    fovy: Annotated[float, Field(gt=0, lt=180)]
+    width: Annotated[int, Field(ge=1, le=8192, strict=True)]
+    height: Annotated[int, Field(ge=1, le=8192, strict=True)]
+    fovy: Annotated[float, Field(gt=0, lt=180, strict=True)]
     link: str | None
     pose: Annotated[tuple[float, ...], Field(min_length=7, max_length=7)]
 

@@ -35,7 +35,7 @@ from pipeline.tasks import TASKS
 from pipeline.tasks.needed_arms import can_do
 from pipeline.world.robots import get_embodiment
 
-ACTIONS = ("joint", "ee")
+ACTIONS = ("joint", "ee", "delta_ee")
 OBSERVATIONS = ("policy", "state")
 REWARDS = ("score", "dense")
 
@@ -53,7 +53,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     reward.py, and the share of time left. All spaces are bounded, and numbers beyond the bounds are cut.
 
     Action: `actions="joint"` (A,) drive targets at the end of the control period; `actions="ee"` (8S,) per arm a tool pose (x, y,
-    z, qw, qx, qy, qz; world frame) and a gripper value.
+    z, qw, qx, qy, qz; world frame) and a gripper value; `actions="delta_ee"` the same, poses in the frames of the
+    measured ones.
 
     Reward: `reward="score"` is 0 until the episode ends and then its manipulation score (0-100). `reward="dense"` is 1 at a success
     plus the change of a potential with `discount` (reward.py); there the step limit ends an episode as `terminated`, because it
@@ -104,13 +105,11 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self.fps, self.metadata = setup.fps, self.metadata | {"render_fps": setup.fps}
         limits = joint_limits(robot)
         self.action_names = limits.names if actions == "joint" else pose_action_names(robot)
-        if actions == "joint":
-            low, high = limits.lower, limits.upper
-        else:
-            low, high = (
-                np.array([-2.0, -2.0, 0.0, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides)),
-                np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides)),
-            )
+        low, high = limits.lower, limits.upper
+        if actions != "joint":
+            lowest = 0.0 if actions == "ee" else -2.0
+            low = np.array([-2.0, -2.0, lowest, -1.0, -1.0, -1.0, -1.0, 0.0] * len(robot.sides))
+            high = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0] * len(robot.sides))
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
         self._view: View = PolicyView(robot, setup) if observations == "policy" else StateView(robot, TASKS[task])
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
@@ -120,7 +119,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
         self._trial: Trial | None = None
         self._eyes: Eyes | None = None
-        self._tools = ToolPoses(robot) if actions == "ee" else None
+        self._tools, self._relative = None if actions == "joint" else ToolPoses(robot), actions == "delta_ee"
         self.task_description = ""
         self.case: Case | None = None
         """The scene of the episode, for whoever evaluates. Whatever is handed to a policy must not name it."""
@@ -155,7 +154,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         trial, info = self.trial, dict[str, Any]()
         values = check_action(action, len(self.action_names))
         if self._tools is not None:
-            values, info["unreachable"] = self._tools.joints(values, trial.simulation.command)
+            simulation = trial.simulation
+            tools = np.stack([simulation.tcp(side) for side in simulation.embodiment.sides]) if self._relative else None
+            values, info["unreachable"] = self._tools.joints(values, simulation.command, tools)
         trial.advance(values)
         info["is_success"] = trial.ending == SUCCESS
         progress = self._meter.measure() if self._meter else NOTHING

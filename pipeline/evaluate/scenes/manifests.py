@@ -4,6 +4,7 @@ A manifest is one JSON file a cell. Seeds are tried in order and in batches whos
 admitted seeds do not either. Scenes of one seed are the same at every level, alpha and domain: cells are paired by seed.
 """
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -21,7 +22,9 @@ from pipeline.evaluate.lines import line_of, line_of_text
 from pipeline.evaluate.scenes.case import Case, admit
 from pipeline.stages.failure import Failure
 
-SCHEMA = 3
+SCHEMA = 4
+"""Manifests of schema 3, without `sha256`, are read as well."""
+
 MOST_SEEDS = 10_000_000
 """Seeds that a manifest may have tried."""
 
@@ -58,8 +61,10 @@ class Manifest:
         """JSON, one case a line."""
         head = {"schema": SCHEMA, "cell": asdict(self.cell), "first": self.first, "setup": self.setup.given(), "tried": self.tried}
         head["refused"] = {str(seed): reason for seed, reason in self.refused.items()}
-        cases = ",\n".join(json.dumps(case.to_dict()) for case in self.cases)
-        return f'{json.dumps(head)[:-1]}, "cases": [\n{cases}\n]}}\n'.encode()
+        cases = [case.to_dict() for case in self.cases]
+        head["sha256"] = _hash_of(cases)
+        lines = ",\n".join(map(json.dumps, cases))
+        return f'{json.dumps(head)[:-1]}, "cases": [\n{lines}\n]}}\n'.encode()
 
     def next_batch(self, episodes: int) -> range:
         """The seeds to try next. Raises ProtocolError if as many have been tried as may be."""
@@ -85,8 +90,10 @@ class Manifest:
     def from_json(cls, text: bytes) -> "Manifest":
         """Inverse of `to_json`. Raises ValueError for something else."""
         values = parse_json(text)
-        if not isinstance(values, dict) or values.pop("schema", None) != SCHEMA:
+        if not isinstance(values, dict) or (schema := values.pop("schema", None)) not in (3, SCHEMA):
             raise ValueError(f"its schema is not {SCHEMA}")
+        if schema == SCHEMA and values.pop("sha256", None) != _hash_of(values.get("cases")):
+            raise ValueError("its cases are not those that were written")
         try:
             cases = [Case.from_dict(case) for case in values.pop("cases")]
             refused = {int(seed): str(reason) for seed, reason in values.pop("refused").items()}
@@ -108,28 +115,43 @@ class Manifest:
             raise ValueError("a case is not of this cell")
 
 
+def _hash_of(cases: object) -> str:
+    return hashlib.sha256(json.dumps(cases, sort_keys=True).encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Manifests:
-    """A directory of manifests, one a cell, in one directory for each physics of a setup."""
+    """A directory of manifests, one a cell, in one directory for each physics of a setup.
+
+    Cells are paired by seed, but with `apart` those of another alpha have scenes of their own.
+    """
 
     root: Path
     seed: int = 0
     setup: Setup = DEFAULT
+    apart: bool = False
 
     def path(self, cell: Cell) -> Path:
         """Where the manifest of a cell is."""
-        return self.root / f"seed{self.seed}" / self.setup.label / f"{cell.path}.json"
+        scenes = f"seed{self.seed}{'-apart' if self.apart else ''}"
+        return self.root / scenes / self.setup.label / f"{cell.path}.json"
+
+    def first(self, cell: Cell) -> int:
+        """The seed from which the scenes of a cell are drawn."""
+        if not self.apart:
+            return first_seed(self.seed)
+        return int.from_bytes(hashlib.sha256(f"{self.seed}/{cell.alpha:g}".encode()).digest()[:6], "little")
 
     def read(self, cell: Cell) -> Manifest:
         """The manifest of a cell, an empty one where there is none yet. Raises ProtocolError for a file that is none of it."""
         path = self.path(cell)
         if not path.exists():
-            return Manifest(cell, first_seed(self.seed), self.setup.physics)
+            return Manifest(cell, self.first(cell), self.setup.physics)
         try:
             found = Manifest.from_json(read_regular(path))
         except ValueError as error:
             raise ProtocolError(f"{path}: is no manifest of seeds ({line_of_text(error)}): delete it to draw them again") from error
-        if (found.cell, found.first, found.setup) != (cell, first_seed(self.seed), self.setup.physics):
+        if (found.cell, found.first, found.setup) != (cell, self.first(cell), self.setup.physics):
             raise ProtocolError(f"{path}: is the manifest of another cell, seed or setup: delete it to draw them again")
         return found
 

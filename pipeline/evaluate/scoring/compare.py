@@ -70,10 +70,12 @@ def _newest(run: Path) -> list[Row]:
 
 def compare(a: Arm, b: Arm, wanted: float) -> list[dict[str, Any]]:
     """`b` against `a` on the scenes of both: over all, and by level, alpha, domain, category and task. `wanted` is the effect
-    (points) for which the number of scenes is reckoned. Raises CompareError if scenes, rules or clocks differ."""
-    pairs = _pair(a, b)
+    (points) for which the number of scenes is reckoned. `shared` of the episodes of each arm are of both. Raises CompareError if
+    they share none."""
+    pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
+    head = {"first": a.name, "second": b.name, "shared": len(pairs), "first_episodes": tried[0], "second_episodes": tried[1]}
     return [
-        {"what": what, "first": a.name, "second": b.name, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
+        {"what": what, **head, "scenes": len(scenes)} | paired_numbers(scenes, wanted)
         for what, group in _groups([row for row, _ in pairs])
         for scenes in [_scenes([pair for pair, inside in zip(pairs, group, strict=True) if inside])]
     ]
@@ -95,30 +97,25 @@ def _rate(rows: Sequence[Row]) -> float:
 def _pair(a: Arm, b: Arm) -> list[tuple[Row, Scene]]:
     """A row and the outcome of every episode that both arms tried. Won and lost count pairs of networks."""
     first, second = a.by_episode(), b.by_episode()
-    if first.keys() != second.keys():
-        raise CompareError(_why_other(a, b, len(first.keys() & second.keys())))
     out = list[tuple[Row, Scene]]()
     for key, rows in first.items():
-        others = second[key]
+        others = second.get(key, [])
         if len(rows) != a.networks or len(others) != b.networks:
-            raise CompareError(
-                f"{rows[0]['task']}, seed {rows[0]['seed']}: not every network of {a.name} and {b.name} tried it once"
-            )
+            continue  # not tried by every network
         ends = [(row["success"], other["success"]) for row in rows for other in others]
         won, lost = sum(y and not x for x, y in ends), sum(x and not y for x, y in ends)
         out.append((rows[0], Scene(rows[0]["task"], _rate(rows), _rate(others), won, lost)))
+    if not out:
+        raise CompareError(_why_other(a, b))
     return out
 
 
-def _why_other(a: Arm, b: Arm, shared: int) -> str:
+def _why_other(a: Arm, b: Arm) -> str:
     for name in ("clock", "rules"):
         one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
         if one != two:
             return f"{a.name} and {b.name} differ in {name}: {one} and {two}; add --unpaired to compare them all the same"
-    return (
-        f"{a.name} and {b.name} share {shared} scenes of {len(a.by_episode())} and {len(b.by_episode())}: evaluate both with the "
-        f"same cells, --episodes and --seed, or add --unpaired"
-    )
+    return f"{a.name} and {b.name} share no episode: evaluate both with the same cells and --seed, or add --unpaired"
 
 
 def _scenes(pairs: Sequence[tuple[Row, Scene]]) -> list[Scene]:

@@ -60,6 +60,7 @@ EXPERIMENTS = {
             PaperRow("Isaac-GR00T", 6.10, 28.60),
             PaperRow("VLA-Adapter", 4.40, 24.31),
             PaperRow("pi0-FAST", 3.54, 20.87),
+            PaperRow("pi0-FAST (Qwen3-VL)", 5.74, 20.66),
             PaperRow("OpenVLA-OFT", 9.06, 24.06),
             PaperRow("OpenVLA-OFT (Qwen3-VL)", 10.86, 30.49),
             PaperRow("PUMA", 17.20, 34.97),

@@ -27,11 +27,15 @@ class ResultsError(DominoError):
     """A file of results that cannot be used."""
 
 
+TIMES = "seconds_spent"
+"""The part of a row that differs between runs of one episode."""
+
+
 class Results:
     """An append-only file of rows; every row carries the key of its episode under "key".
 
     `check` raises ValueError for a row that its reader cannot use. A last line that was cut off when its writer was killed is
-    dropped. Raises ResultsError for a damaged line elsewhere.
+    dropped. Raises ResultsError for a damaged line elsewhere, and for two rows of one episode that contradict each other.
     """
 
     def __init__(self, path: Path, check: Callable[[dict[str, Any]], None] = lambda row: None) -> None:
@@ -48,18 +52,26 @@ class Results:
                 check(row)
             except ValueError as error:
                 raise ResultsError(f"{path}: line {number} is no result ({line_of_text(error)}): repair or delete it") from error
-            self._rows[row["key"]] = row
+            known = self._rows.setdefault(row["key"], row)
+            if {**known, TIMES: None} != {**row, TIMES: None}:
+                raise ResultsError(f"{path}: line {number} contradicts an earlier row of the same episode: delete the wrong one")
         if len(whole) < len(text):
             os.truncate(path, len(whole))
+        self._size = len(whole)
 
     def __contains__(self, key: str) -> bool:
         return key in self._rows
 
     def append(self, key: str, row: Mapping[str, Any]) -> None:
-        """Add the row of an episode; it is on disk when this returns. Raises OSError if the disk refuses."""
+        """Add the row of an episode; it is on disk when this returns.
+
+        Raises OSError if the disk refuses, ResultsError if something else has written to the file since it was read.
+        """
         stored = {"key": key, **row}
         with open(self.path, "ab") as file:
-            file.write(json.dumps(stored, separators=(",", ":")).encode() + b"\n")
+            if file.tell() != self._size:
+                raise ResultsError(f"{self.path}: something else writes to it: remove what is not of this evaluation")
+            self._size += file.write(json.dumps(stored, separators=(",", ":")).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
         self._rows[key] = stored

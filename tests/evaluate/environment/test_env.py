@@ -14,7 +14,7 @@ from pipeline.evaluate.actions import ActionError, ToolPoses, interpolate_target
 from pipeline.evaluate.scenes.case import BLIND, admit, expert, expert_actions, log_hash, start_hash
 from pipeline.evaluate.scenes.trial import Trial
 from pipeline.planning.planner import planner_for
-from pipeline.poses import quat_rotate
+from pipeline.poses import compose, inverse, quat_rotate
 from pipeline.stages.failure import Failure
 from pipeline.tasks import TASKS
 from pipeline.world.cameras import cameras_of
@@ -141,6 +141,16 @@ def test_the_recorded_tool_poses_suffice_as_well():
     for action in expert_actions(case):
         rows.append(np.concatenate([np.append(planner.fk(side, q), value) for side, (q, value) in planner.split(action).items()]))
     info, _ = play(make("click_bell", actions="ee"), case, np.array(rows))
+    assert info["is_success"]
+    env = make("click_bell", actions="delta_ee")
+    env.reset(options={"case": case})
+    simulation = env.unwrapped.trial.simulation
+    for row in rows:
+        tools = [simulation.tcp(side) for side in robot.sides]
+        poses = [np.append(compose(inverse(tools[i]), row[8 * i : 8 * i + 7]), row[8 * i + 7]) for i in range(2)]
+        _, _, ended, _, info = env.step(np.concatenate(poses).astype(np.float32))
+        if ended:
+            break
     assert info["is_success"]
     joints, missed = ToolPoses(robot).joints(rows[0], home(make("click_bell"), case)[0])
     np.testing.assert_allclose(joints, expert_actions(case)[0], atol=2e-3)

@@ -47,6 +47,14 @@ def test_the_first_seeds_that_the_expert_solves_are_admitted(tmp_path):
     assert manifests.read(CELL).refused == {200_001: "dry_run: no_success", 200_004: "dry_run: no_success"}
 
 
+def test_alphas_apart_have_scenes_of_their_own(tmp_path):
+    manifests, slow = Manifests(tmp_path, apart=True), replace(CELL, alpha=0.05)
+    found = manifests.admitted([CELL, slow], 2, pretend(lambda seed: True))
+    assert not set(seeds(found[CELL])) & set(seeds(found[slow]))
+    assert found == manifests.admitted([CELL, slow], 2, pretend(lambda seed: pytest.fail("tried again")))
+    assert Manifests(tmp_path).path(CELL) != manifests.path(CELL)
+
+
 def test_a_manifest_is_used_again_and_extended_in_order(tmp_path):
     manifests, calls = Manifests(tmp_path), []
     manifests.admitted([CELL], 2, pretend(lambda seed: True))
@@ -108,6 +116,21 @@ def test_a_damaged_line_is_named(tmp_path):
     path = tmp_path / "episodes.jsonl"
     path.write_text('{"key":"a"}\nrubbish\n')
     with pytest.raises(ResultsError, match="line 2"):
+        Results(path)
+
+
+def test_rows_that_contradict_each_other_are_refused_and_so_is_another_writer(tmp_path):
+    path = tmp_path / "episodes.jsonl"
+    results = Results(path)
+    results.append("a", {"success": False, "seconds_spent": {"policy": 1.0}})
+    with path.open("a") as file:
+        file.write('{"key":"a","success":false,"seconds_spent":{"policy":2.0}}\n')
+    assert len(Results(path).rows()) == 1
+    with pytest.raises(ResultsError, match="something else writes to it"):
+        results.append("b", {"success": True})
+    with path.open("a") as file:
+        file.write('{"key":"a","success":true,"seconds_spent":{}}\n')
+    with pytest.raises(ResultsError, match="line 3 contradicts an earlier row"):
         Results(path)
 
 

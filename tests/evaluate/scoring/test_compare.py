@@ -84,11 +84,19 @@ def test_levels_and_networks_of_one_scene_count_once(tmp_path):
     assert (pooled["interval"], pooled["p"], pooled["scenes"]) == (single["interval"], single["p"], 5)
 
 
+def test_the_scenes_of_both_are_compared_and_counted(tmp_path):
+    a, b = write(tmp_path / "a", "p", [1, 0, 1, 0] * 10), write(tmp_path / "b", "q", [1] * 4)
+    (row,) = compare(*read_arms([a, b]), 5)
+    assert (row["scenes"], row["shared"], row["won"], row["first_rate"], row["second_rate"]) == (4, 4, 2, 50, 100)
+    told = CliRunner().invoke(app, ["compare", a, b])
+    assert told.output.splitlines()[-1] == "q against p: the 4 episodes of both, of 4 and 40"
+
+
 def test_other_scenes_are_refused_unless_unpaired(tmp_path):
     a, b = write(tmp_path / "a", "p", [1, 0, 1, 0] * 10), write(tmp_path / "b", "q", [1] * 30)
     late, task = write(tmp_path / "c", "q", [1] * 40, clock="latency:100"), write(tmp_path / "d", "q", [1], task="other")
-    with pytest.raises(CompareError, match="share 30 scenes of 40 and 30"):
-        compare(*read_arms([a, b]), 5)
+    with pytest.raises(CompareError, match="p and q share no episode"):
+        compare(*read_arms([a, task]), 5)
     with pytest.raises(CompareError, match="differ in clock: sim and latency:100; add --unpaired"):
         compare(*read_arms([a, late]), 5)
     (row,) = compare_unpaired(*read_arms([a, b]), 5)

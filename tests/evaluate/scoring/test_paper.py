@@ -40,7 +40,7 @@ def test_the_command_evaluates_what_the_experiment_says(monkeypatch, tmp_path):
 
     def evaluated(wanted, *_):
         asked.append(wanted)
-        return SimpleNamespace(to_dict=lambda: {"means": [mean(1, "all", 30.0)]})
+        return SimpleNamespace(means=[mean(1, "all", 30.0)], baselines=[mean(1, "all", 2.0) | {"policy": "still"}])
 
     monkeypatch.setattr("pipeline.evaluate.evaluate.evaluate", evaluated)
     code, text, err = inside("paper-table", "slow", "--policy", "static", "--episodes", 20, "--out", tmp_path)
@@ -52,6 +52,7 @@ def test_the_command_evaluates_what_the_experiment_says(monkeypatch, tmp_path):
         "unseen",
         ("head_camera", "left_camera", "right_camera"),
     )
+    assert lines[4].split()[1:5] == ["still", "1", "all", "2.0"]
     assert lines[3].split() == ["->", "mine", "1", "all", "30.0", "(25.0-35.0)", "31.0", "(25.0-35.0)"]
-    assert lines[5].split() == ["PUMA", "1", "all", "19.91", "36.75"]
+    assert lines[6].split() == ["PUMA", "1", "all", "19.91", "36.75"]
     assert any("clock sim" in line for line in lines) and any("20 scenes" in line for line in lines)

@@ -90,3 +90,7 @@ def test_a_dataset_is_named_for_every_directory(tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     (source,) = configuration("puma-tiny", None, [Path("out/bells")]).data.sources
     assert source.dataset == tmp_path / "out" / "bells"
+
+
+def test_no_is_a_precision_although_yaml_reads_it_as_false():
+    assert read_config("puma-tiny", ["train.precision=no"]).train.precision == "no"
