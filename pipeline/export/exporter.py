@@ -56,7 +56,7 @@ class Exporter[O](ABC):
 
     @abstractmethod
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
-        """Write the episodes, in the order of their paths, to `draft.folder`; returns what the summary says of them, "episodes"
+        """Write the episodes, in the order of their paths, to `draft.folder`; returns their part of the summary, "episodes"
         and "frames" for example. Raises ExportError, in one line, for episodes that the format cannot hold."""
 
     def sensors(self, options: O) -> Collection[str]:

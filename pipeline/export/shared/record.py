@@ -1,4 +1,4 @@
-"""export.json: what an export says of itself, and whether its directory and the dataset still agree with it."""
+"""export.json: the record of an export, and its comparison with the directory and the dataset."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Depth maps beside a LeRobot v3.0 dataset: depth/chunk-000/file-000.parquet, a row a frame, 16-bit PNG in mm, 0 where nothing is.
+"""Depth maps beside a LeRobot v3.0 dataset: depth/chunk-000/file-000.parquet, a row a frame, 16-bit PNG in mm, 0 for no depth.
 
 They are no features: lerobot's policies take every feature of images for an RGB image that they are to see, whatever its name.
 """
