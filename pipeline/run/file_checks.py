@@ -16,9 +16,9 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.schema import faults
 from pipeline.data.errors import DominoError
 from pipeline.data.given_up import read_given_up
-from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.keys import digest, file_hash
 from pipeline.data.parsing import parse_json
-from pipeline.data.reading import IRREGULAR, check_regular, printable, read_regular
+from pipeline.data.reading import IRREGULAR, check_regular, read_regular
 from pipeline.data.recipe.cells import Cell, Slot
 from pipeline.data.rows import GIVEN_UP
 from pipeline.data.sealed import is_unchanged
@@ -32,90 +32,55 @@ FAULTS = (
 """What a damaged file may make h5py, numpy, Arrow and our own readers raise, depending on which byte it is."""
 
 AGAIN = "run the build again"
-_OF_RECIPE = ("slot", "recipe")
 _ATTEMPT = re.compile(r"_attempt_\d{3}$")
 
 
 @dataclass(frozen=True)
 class FileJob:
-    """A file to judge, or the directory of an export: its path below the dataset `root`.
+    """A file to judge, or the directory of an export, by its path below the dataset `root`.
 
-    `sha256` is what the dataset's index says of the file ("" for nothing), `keys` are those that the
-    recipe and the present code give its slot (None if unknown).
+    `sha256` is what the dataset's index says of the file, "" for nothing.
     """
 
     root: str
     path: str
     sha256: str = ""
-    keys: SlotKeys | None = None
 
 
-@dataclass(frozen=True)
-class Judged:
-    """What is wrong with a file: `problems` of one line each, without its path.
-
-    `stale` tells that its keys are not those of the present code, `assets` names what it was drawn
-    from, and `note` is printed whether there are problems or not.
-    """
-
-    path: str
-    problems: tuple[str, ...] = ()
-    stale: bool = False
-    assets: tuple[str, ...] = ()
-    note: str = ""
-
-
-def judge(job: FileJob) -> Judged:
-    """Judge one file."""
-    path, folder = Path(job.root) / job.path, job.path.partition("/")[0]
-    judged, problems = Judged(job.path), list[str]()
+def judge(job: FileJob) -> list[str]:
+    """What is wrong with one file, in one line each without its path."""
+    path, folder, problems = Path(job.root) / job.path, job.path.partition("/")[0], list[str]()
     try:
-        if folder == "exports":
-            problems = list(_check_export(path))
-        else:
+        if folder != "exports":
             check_regular(path)
-            if job.sha256 and file_hash(path) != job.sha256:
-                problems = [f"its bytes are not those that were written; {AGAIN}"]
-            elif job.path.endswith(GIVEN_UP):
-                read_given_up(path, job.path.removeprefix("episodes/").removesuffix(GIVEN_UP))
-            elif folder in ("episodes", "failures"):
-                judged = _judge_episode(job, path)
-            else:
-                problems = list(_CHECKS[folder](path))
+        if job.sha256 and file_hash(path) != job.sha256:
+            problems.append(f"its bytes are not those that were written; {AGAIN}")
+        else:
+            problems += _CHECKS[folder](path)
     except FAULTS as error:
         said = error.strerror if isinstance(error, OSError) and error.strerror == IRREGULAR else error
         problems.append(" ".join(str(said).split())[:200].removeprefix(f"{path}: ") or type(error).__name__)
     if folder == "episodes":
         free_space(path)
-    return Judged(job.path, (*map(printable, problems), *judged.problems), judged.stale, judged.assets)
+    return problems
 
 
-def _judge_episode(job: FileJob, path: Path) -> Judged:
-    """An accepted episode, or a failed attempt that is kept."""
-    problems = list[str]()
+def _check_episode(path: Path) -> Iterator[str]:
+    """An accepted episode, a failed attempt that is kept, or the note that a slot was given up."""
+    if path.name.endswith(GIVEN_UP):
+        read_given_up(path, "/".join(path.parts[-5:]).removesuffix(GIVEN_UP))
+        return
     with EpisodeFile(path) as file:
         if damaged := file.damaged():
-            problems.append(f"its content is not what was written ({', '.join(damaged[:3])}); {AGAIN}")
+            yield f"its content is not what was written ({', '.join(damaged[:3])}); {AGAIN}"
         meta, spec = file.meta, file.spec
-        cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
-        of_failure = job.path.startswith("failures")
-        place = f"{'failures' if of_failure else 'episodes'}/{Slot(cell, spec.slot, meta.variant).path}"
-        if _ATTEMPT.sub("", job.path.removesuffix(".hdf5")) != place or of_failure != (meta.failure is not None):
-            problems.append(f"is the {'failed attempt' if meta.failure else 'episode'} {place}, not that of its place; {AGAIN}")
-        problems += [f"{fault}; {AGAIN}" for fault in faults(file)]
-        held = SlotKeys.from_json(meta.keys) if meta.keys else None
-        if held and (meta.physics_key, meta.render_key) != (held.physics.digest, held.render.digest):
-            problems.append(f"its keys are not those of their parts; {AGAIN}")
-        if held and job.keys:
-            kinds = zip(vars(held), _keys_of(held), _keys_of(job.keys), strict=True)
-            other = [f"{kind}.{part}" for kind, a, b in kinds for part in a.changed(b) if part in _OF_RECIPE]
-            problems += [f"its keys are not those of the recipe ({', '.join(other)}); {AGAIN}"] if other else []
-        stale = job.keys is not None and held != job.keys
-        return Judged(job.path, tuple(map(printable, problems)), stale, tuple(meta.drawing.assets.values()))
-
-
-def _keys_of(keys: SlotKeys) -> tuple[Key, Key, Key]:
-    return keys.physics, keys.render, keys.language
+        slot = Slot(Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain), spec.slot, meta.variant)
+        place = f"{'failures' if meta.failure else 'episodes'}/{slot.path}"
+        if not _ATTEMPT.sub("", str(path.with_suffix(""))).endswith(f"/{place}"):
+            yield f"holds {place}, not that of its place; {AGAIN}"
+        if meta.keys and (meta.physics_key, meta.render_key) != tuple(digest(meta.keys[k]) for k in ("physics", "render")):
+            yield f"its keys are not those of their parts; {AGAIN}"
+        yield from (f"{fault}; {AGAIN}" for fault in faults(file))
 
 
 def _check_annotation(path: Path) -> Iterator[str]:
@@ -160,6 +125,9 @@ def _check_provenance(path: Path) -> Iterator[str]:
 
 
 _CHECKS: dict[str, Callable[[Path], Iterator[str]]] = {
+    "episodes": _check_episode,
+    "failures": _check_episode,
+    "exports": _check_export,
     "annotations": _check_annotation,
     "assets": _check_asset,
     "attempts.parquet": _check_attempts,

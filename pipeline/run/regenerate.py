@@ -25,8 +25,7 @@ class Regenerated:
     """The comparison of a stored episode with the same episode made again.
 
     `stored` and `made` are the sha256 of both files, `differ` the datasets that differ ("header" for attributes), `changed` the
-    parts of the keys that changed since the episode was made. `device` tells why images are not
-    comparable; it is empty if the same kind of device drew both.
+    parts of the keys that changed since the episode was made.
     """
 
     slot: str
@@ -35,7 +34,6 @@ class Regenerated:
     made: str
     differ: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
-    device: str = ""
 
 
 def regenerate(dataset: Dataset, episode: str) -> Regenerated:
@@ -51,7 +49,7 @@ def regenerate(dataset: Dataset, episode: str) -> Regenerated:
         raise DatasetError(f"{path}: is not there: build it first")
     with EpisodeFile(path) as file:
         held = file.meta.keys
-    here = ensure_renderer()
+    ensure_renderer()
     keys = slot_keys(recipe, slot)
     changed = tuple(
         f"{kind}.{part}" for kind, parts in keys.to_json().items() for part in Key(held.get(kind, {})).changed(Key(parts))
@@ -63,7 +61,7 @@ def regenerate(dataset: Dataset, episode: str) -> Regenerated:
         made = _make(copy, recipe, slot, record.attempts if record else ())
         stored = file_hash(path)
         differ = () if made.sha256 == stored else tuple(_differences(path, copy.episode(slot)))
-    return Regenerated(slot.path, made.sha256 == stored, stored, made.sha256, differ, changed, _other_device(dataset, here))
+    return Regenerated(slot.path, made.sha256 == stored, stored, made.sha256, differ, changed)
 
 
 def find_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
@@ -91,7 +89,7 @@ def _make(copy: Dataset, recipe: Recipe, slot: Slot, attempts: Sequence[Mapping[
     return drawn
 
 
-def _other_device(dataset: Dataset, here: str) -> str:
+def other_device(dataset: Dataset) -> str:
     """The device that drew the images of a dataset, if it is not the one here: two do not give the same pixels."""
     try:
         made = dataset.made_by()
@@ -99,6 +97,7 @@ def _other_device(dataset: Dataset, here: str) -> str:
         made = {}
     merged = [each for each in made.get("merged_from", ()) if isinstance(each, dict)]
     named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each} or {"an unknown device"}
+    here = ensure_renderer()
     return "" if named == {here} else f"drawn by {', '.join(sorted(named))}, here by {here}"
 
 

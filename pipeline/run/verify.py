@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,68 +17,59 @@ from pipeline.crew.ray_session import session
 from pipeline.data.dataset import EDITED, Dataset
 from pipeline.data.intact import kept_failures
 from pipeline.data.reading import printable
-from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.rows import EPISODE
 from pipeline.data.store.mirror import mirror_of
-from pipeline.registry import UnknownName
-from pipeline.run.file_checks import AGAIN, FileJob, Judged, judge
-from pipeline.run.identity.slot_keys import RecipeKeys
-from pipeline.run.regenerate import is_image, regenerate
+from pipeline.run.file_checks import AGAIN, FileJob, judge
+from pipeline.run.regenerate import is_image, other_device, regenerate
+from pipeline.run.state import DONE, OPEN, states
 
 SECONDS = 3600.0  # what one file, or all attempts at a slot, may take before the worker counts as hung
 PASSING = (".tmp", ".running")  # files that come and go while a build runs
+OF_RECIPE = {"slot", "recipe"}  # parts of keys that no other version of the code changes
 
 
 def verify(dataset: Dataset, crew: Crew | None = None, progress: bool = False, again: int = 0) -> dict[str, Any]:
     """Judge every file of a dataset alone, and make `again` of its episodes again, chosen at random.
 
     Returns {"ok", "problems": one line each that begins with a path, "files": how many were judged,
-    "episodes": how many are sound, "open": slots not built yet, "stale": episodes made by another
+    "episodes": how many are sound, "open": slots not built yet, "stale": slots made by another
     version of code or recipe, "again": a line for each that was made again}. What is stale cannot be
     made again; a dataset with fewer than `again` others is not `ok`.
 
     Raises DatasetError for a directory that is no dataset, CrewError if workers cannot be started
     or do not last, and NoRenderer if nothing can be drawn again.
     """
-    recipe, crew = dataset.recipe(), crew or Crew()
-    problems = [f"{dataset.manifest.name}: {EDITED}"] if dataset.is_edited() else []
-    slots = {} if problems else {_name(dataset, slot, done): slot for slot in recipe.slots() for done in (True, False)}
-    paths, recorded = dict.fromkeys(_files_of(dataset)), _recorded(dataset, recipe) if slots else {}
-    if slots:
-        problems += _strays(paths, {*slots, *recorded})
-        lost = sorted({path for path, sha256 in recorded.items() if sha256} - set(paths))
-        problems += [f"{path}: is missing; {AGAIN}" for path in lost]
+    crew, root, paths = crew or Crew(), str(dataset.root.resolve()), list(_files_of(dataset))
+    known = _compare(dataset, set(paths))
+    jobs = [FileJob(root, path, known.hashes.get(path, "")) for path in paths if path not in known.strays]
     with session(crew), tqdm(unit="file", disable=not progress, dynamic_ncols=True) as bar:
-        jobs = list(_jobs(dataset, recipe, slots, recorded, paths))
-        judged = list(_each(judge, jobs, crew, bar))
-        sound = [each for each in judged if each.path.startswith("episodes/") and each.path.endswith(EPISODE) and not each.problems]
-        fresh = [each.path for each in sound if slots and not each.stale]
+        judged = dict(_each(judge, jobs, crew, bar))
+        sound = [
+            path for path, problems in judged.items() if path.startswith("episodes/") and path.endswith(EPISODE) and not problems
+        ]
+        fresh = [path for path in sound if path in known.current]
         chosen = np.random.default_rng().permutation(len(fresh))[:again]
-        jobs = [FileJob(str(dataset.root), fresh[number]) for number in sorted(chosen.tolist())]
-        made = list(_each(make_again, jobs, crew, bar))
-    problems += [f"{each.path}: {problem}" for each in judged + made for problem in each.problems]
-    problems += _without_assets(dataset, judged, set(paths))
-    _touch(dataset, [each.path for each in judged if each.problems])
+        made = dict(_each(_differ, [FileJob(root, fresh[number]) for number in sorted(chosen.tolist())], crew, bar))
+    problems, lines = known.problems, list[str]()
+    problems += [f"{path}: {problem}" for path, found in judged.items() for problem in found]
+    device = other_device(dataset) if made else ""
+    for path, names in made.items():
+        images = [name for name in names if is_image(name)]
+        state = [name for name in names if name not in images]
+        compared = f"not compared ({device})" if device else "differ" if images else "equal"
+        lines.append(f"{path}: made again, state bytes {'differ' if state else 'equal'}, images {compared}")
+        if differ := state + ([] if device else images):
+            problems.append(f"{path}: made again, it differs in {', '.join(differ[:5])}")
+    _touch(dataset, [path for path, problems in judged.items() if problems])
     return {
         "ok": not problems and len(made) == again,
         "problems": [printable(problem) for problem in problems],
         "files": len(judged),
         "episodes": len(sound),
-        "open": len({*slots.values()} - {slot for path, slot in slots.items() if path in recorded or path in paths}),
-        "stale": sum(each.stale for each in judged),
-        "again": [f"{each.path}: made again, {each.note}" for each in made if each.note],
+        "open": known.open,
+        "stale": known.stale,
+        "again": lines,
     }
-
-
-def make_again(job: FileJob) -> Judged:
-    """Make an episode again, and compare it with the stored one: images only if the same device drew them."""
-    found = regenerate(Dataset(Path(job.root)), job.path)
-    state = [name for name in found.differ if not is_image(name)]
-    images = [name for name in found.differ if is_image(name) and not found.device]
-    note = f"state bytes {'differ' if state else 'equal'}, images "
-    note += f"not compared ({found.device})" if found.device else "differ" if images else "equal"
-    differ = ", ".join((state + images)[:5])
-    return Judged(job.path, (f"made again, it differs in {differ}",) if differ else (), note=note)
 
 
 def _files_of(dataset: Dataset) -> Iterator[str]:
@@ -95,64 +87,71 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
             yield path.name
 
 
-def _recorded(dataset: Dataset, recipe: Recipe) -> dict[str, str]:
-    """The sha256 of every file of a slot, and of every failed attempt that is kept, by path."""
-    rows = dataset.rows(recipe, "sha256")
-    found = zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True)
-    known = {_name(dataset, slot, accepted): sha256.hex() for slot, accepted, sha256 in found}
-    return known | {path.relative_to(dataset.root).as_posix(): sha256 for _, path, sha256 in kept_failures(dataset, recipe)}
+@dataclass
+class Known:
+    """What recipe and index say of a dataset's files, by path: nothing if the recipe was edited.
+
+    `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code; `problems`
+    concern files that are missing or belong elsewhere. `stale` and `open` count slots.
+    """
+
+    hashes: dict[str, str] = field(default_factory=dict[str, str])
+    strays: set[str] = field(default_factory=set[str])
+    current: set[str] = field(default_factory=set[str])
+    problems: list[str] = field(default_factory=list[str])
+    stale: int = 0
+    open: int = 0
 
 
-def _name(dataset: Dataset, slot: Slot, accepted: bool) -> str:
-    """The path of the file of a slot below the dataset's directory."""
-    return dataset.file(slot, accepted).relative_to(dataset.root).as_posix()
+def _compare(dataset: Dataset, paths: set[str]) -> Known:
+    """Compare the files that are there with those that recipe and index name."""
+    if dataset.is_edited():
+        return Known(problems=[f"{dataset.manifest.name}: {EDITED}"])
+    known, recipe, slots = Known(), dataset.recipe(), set[str]()
+    rows = dataset.rows(recipe, "sha256", "assets")
+    for slot, accepted, sha256 in zip(rows.slots, rows.accepted.tolist(), rows.more["sha256"], strict=True):
+        known.hashes[_name(dataset, dataset.file(slot, accepted))] = sha256.hex()
+    known.hashes |= {_name(dataset, path): sha256 for _, path, sha256 in kept_failures(dataset, recipe)}
+    for slot, state in states(dataset, recipe):
+        places = [_name(dataset, dataset.file(slot, accepted)) for accepted in (True, False)]
+        slots.update(places)
+        there = [path for path in places if path in paths]
+        known.open += not there and state.accepted is None
+        known.current.update(there if state.todo == DONE else ())
+        known.stale += bool(there) and state.todo not in (DONE, OPEN)
+        if there and (other := OF_RECIPE.intersection(state.because)):
+            known.problems.append(f"{there[0]}: its keys are not those of the recipe ({', '.join(sorted(other))}); {AGAIN}")
+    known.strays = {path for path in paths if path.startswith(("episodes/", "failures/"))} - slots - known.hashes.keys()
+    for path in sorted(known.strays):
+        fix = "`gc` sets a whole episode aside" if path.startswith("episodes/") else "remove it"
+        known.problems.append(f"{path}: belongs to no slot of the recipe; {fix}")
+    assets, numbers = dataset.ask(lambda index: index.assets()), {each for text in rows.more["assets"] for each in text.split()}
+    named = (_name(dataset, dataset.bodies / key[:2] / f"{key}.npz") for key in sorted(assets[int(number)] for number in numbers))
+    known.problems += [f"{path}: is missing; {AGAIN}" for path in [*sorted(known.hashes), *named] if path not in paths]
+    return known
 
 
-def _strays(paths: Iterable[str], known: set[str]) -> Iterator[str]:
-    """Files that belong to nothing that the recipe wants."""
-    for path in paths:
-        if path.startswith(("episodes/", "failures/")) and path not in known:
-            fix = "`gc` sets a whole episode aside" if path.startswith("episodes/") else "remove it"
-            yield f"{path}: belongs to no slot of the recipe; {fix}"
+def _name(dataset: Dataset, path: Path) -> str:
+    return path.relative_to(dataset.root).as_posix()
 
 
-def _jobs(
-    dataset: Dataset, recipe: Recipe, slots: dict[str, Slot], recorded: dict[str, str], paths: Iterable[str]
-) -> Iterator[FileJob]:
-    """What is to be judged; where the recipe is not to be trusted, `slots` is empty and all are."""
-    wanted, root = RecipeKeys(recipe), str(dataset.root.resolve())
-    for path in paths:
-        keys, slot = None, slots.get(path)
-        if slots and slot is None and path.startswith("episodes/"):
-            continue  # it belongs to no slot
-        if slot is not None:
-            with suppress(UnknownName):  # of a task that is not installed
-                keys = wanted.of(slot)
-        yield FileJob(root, path, recorded.get(path, ""), keys)
+def _differ(job: FileJob) -> list[str]:
+    """The datasets in which an episode that is made again differs from the stored one."""
+    return list(regenerate(Dataset(Path(job.root)), job.path).differ)
 
 
-def _without_assets(dataset: Dataset, judged: Iterable[Judged], paths: set[str]) -> Iterator[str]:
-    """Assets that episodes name and that are missing, each once."""
-    named = {key: each.path for each in judged for key in each.assets}
-    for key, path in named.items():
-        asset = (dataset.bodies / key[:2] / f"{key}.npz").relative_to(dataset.root).as_posix()
-        if asset not in paths:
-            yield f"{asset}: is missing, and {path} was drawn from it; {AGAIN}"
-
-
-def _each(work: Callable[[FileJob], Judged], jobs: Sequence[FileJob], crew: Crew, bar: "tqdm[Any]") -> Iterator[Judged]:
-    """What the work makes of every job, in their order; a file that costs two workers is a problem."""
-    done = dict[str, Judged]()
+def _each(
+    work: Callable[[FileJob], list[str]], jobs: Sequence[FileJob], crew: Crew, bar: "tqdm[Any]"
+) -> Iterator[tuple[str, list[str]]]:
+    """The path of every job and what the work found, in their order; a file that costs two workers is a problem."""
+    done = dict[str, list[str]]()
     bar.reset(len(jobs))
     with closing(run(lambda: work, deque(jobs), crew, SECONDS)) as ends:
         for end in ends:
-            if isinstance(end, Done):
-                done[end.job.path] = end.result
-            else:
-                why = f"{end.reason.replace('_', ' ')} twice while reading it; remove it, and {AGAIN}"
-                done[end.job.path] = Judged(end.job.path, (why,))
+            lost = "" if isinstance(end, Done) else end.reason.replace("_", " ")
+            done[end.job.path] = end.result if isinstance(end, Done) else [f"{lost} twice over it; remove it, and {AGAIN}"]
             bar.update()
-    yield from (done[job.path] for job in jobs)
+    yield from ((job.path, done[job.path]) for job in jobs)
 
 
 def _touch(dataset: Dataset, paths: Iterable[str]) -> None:

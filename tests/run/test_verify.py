@@ -183,7 +183,7 @@ def test_a_file_of_another_place_and_one_of_no_slot_are_found(mine):
     make_episode(mine / foreign, task="gone_task", frames=3)
     lines = problems(mine)
     assert {line.partition(": ")[0] for line in lines} == {SECOND, foreign}
-    for path, said in ((SECOND, f"is the episode {FIRST.removesuffix('.hdf5')}"), (foreign, "belongs to no slot")):
+    for path, said in ((SECOND, f"holds {FIRST.removesuffix('.hdf5')}"), (foreign, "belongs to no slot")):
         assert any(line.startswith(path) and said in line for line in lines)
 
 
