@@ -1,1 +1,1 @@
-"""A build under a seeded schedule of disturbances, against the same build undisturbed: `python -m benchmarks.chaos --help`."""
+"""A build whose processes are killed at random, against the same build undisturbed."""

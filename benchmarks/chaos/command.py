@@ -1,14 +1,11 @@
-"""The `domino-data` command, and its workers, with traps in them: python -m benchmarks.chaos.command build ...
+"""The `domino-data` command with stages that only sleep: python -m benchmarks.chaos.command build ...
 
-Workers note which slot they are at and in which phase. With CHAOS_STORED naming a dataset, nothing is planned or drawn: every slot
-gets that dataset's first episode under its own spec, after a moment's sleep, some after failed attempts. Keys, notes, logs, files,
+CHAOS_STORED names a dataset. Nothing is planned or drawn: every slot gets the first episode of that
+dataset under its own spec, after a moment's sleep, some after failed attempts. Keys, logs, files,
 index, crew and command are the real ones.
 """
 
 import os
-import random
-import sys
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pipeline.run.build as building
-from benchmarks.chaos.traps import CONTROL, Control, die, install
 from pipeline import cli
 from pipeline.crew.contract import Crew, Steps
 from pipeline.data.assets import AssetStore
@@ -38,9 +34,6 @@ from pipeline.stages.attempt import Perform, Phases
 from pipeline.stages.failure import Failure
 
 STORED = "CHAOS_STORED"
-PHASES = {"attempt": "planning", "draw": "drawing", "write": "writing"}
-"""What a worker does in functions of pipeline.run.slot.fill."""
-
 LONGEST, FAILING = 0.1, 0.25
 """Seconds that a stored attempt takes at most, and the share of attempts that fail."""
 
@@ -106,59 +99,24 @@ class Stored:
         return replace(self._episode, spec=spec, meta=self._episode.meta.model_copy(update=changed))
 
 
-def trapped_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
-    """A worker of a build that notes what it is at and springs traps."""
-    control, fill = Control.here(), slot_worker()
-    install(control)
-    functions = Stored(Dataset(Path(os.environ[STORED]))).functions() if STORED in os.environ else {}
-    for name, function in functions.items():
+def stored_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
+    """The worker of a build, with stages of a stored episode."""
+    for name, function in Stored(Dataset(Path(os.environ[STORED]))).functions().items():
         setattr(filling, name, function)
-    current = ""
-
-    def note_phase(function: Callable[..., Any], phase: str) -> Callable[..., Any]:
-        def call(*arguments: Any, **named: Any) -> Any:
-            control.note(current, phase)
-            if control.springs("worker", phase):
-                threading.Timer(LONGEST * random.random() / 2, die).start()
-            return function(*arguments, **named)
-
-        return call
-
-    for name, phase in PHASES.items():
-        setattr(filling, name, note_phase(getattr(filling, name), phase))
-
-    def work(job: SlotJob) -> Steps[SlotRecord]:
-        nonlocal current
-        current = job.slot.path
-        control.note(current, "beginning")
-        try:
-            return (yield from fill(job))
-        finally:
-            control.leave()
-
-    return work
+    return slot_worker()
 
 
-def prepare() -> None:
-    """Have the builds of this process use trapped workers."""
-    install(Control.here())
-    building.slot_worker = trapped_worker
-
-
-def build_here(root: Path, recipe: Recipe, control: Path, stored: Path) -> None:
-    """Build in this process, without Ray and the report, with a stored episode; exit code 2 where the disk refuses."""
-    os.environ |= {CONTROL: str(control), STORED: str(stored)}
-    prepare()
+def build_here(root: Path, recipe: Recipe, stored: Path) -> None:
+    """Build in this process, without the report."""
+    os.environ[STORED] = str(stored)
+    building.slot_worker = stored_worker
     building.refresh = lambda *_: None
-    try:
-        building.build(root, recipe, Crew(), shown="none")
-    except OSError:
-        sys.exit(2)
+    building.build(root, recipe, Crew(), shown="none")
 
 
 def main() -> None:
     """Run the command."""
-    prepare()
+    building.slot_worker = stored_worker
     cli.main()
 
 

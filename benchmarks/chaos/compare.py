@@ -53,9 +53,10 @@ def compare(reference: Path, other: Path) -> Comparison:
 
 
 def _files(root: Path) -> list[str]:
-    """Everything but the report's pages and pictures: which failed attempt a cell's picture shows depends on which came first."""
+    """Everything but the report's pages and pictures, since which failed attempt a cell's picture
+    shows depends on which came first, and logs, since a worker that was killed leaves its own."""
     found = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if not path.is_dir())
-    return [name for name in found if not name.startswith("report/") or name == "report/index.html"]
+    return [name for name in found if not name.startswith(("report/", "logs/")) or name == "report/index.html"]
 
 
 def _entries(root: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.records import FileFacts, SlotRecord
 from pipeline.run.cost_model import mean_frames
-from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, plan, typical
+from pipeline.run.plan import BOUNDS, Cost, Unbounded, check_bounded, cost_of, mean_parts, plan, typical
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.recording import record_all
 from tests.synthetic import CAMERAS, make_episode
@@ -157,3 +158,16 @@ def test_the_bar_says_what_goes_on_before_the_first_episode(capsys):
     quiet.show_activity("starting 2 workers")
     quiet.close()
     assert capsys.readouterr().err == ""
+
+
+def test_the_size_of_an_episode_with_a_flipped_bit_is_known_or_left_out(built, tmp_path):
+    whole, copy = next(built.glob("episodes/**/*.hdf5")).read_bytes(), tmp_path / "episode.hdf5"
+    counted = 0
+    for start in range(0, len(whole), len(whole) // 40):
+        copy.write_bytes(whole[:start] + bytes([whole[start] ^ 1]) + whole[start + 1 :])
+        parts = mean_parts([copy])
+        counted += not parts or round(sum(parts.values())) == len(whole)
+    assert counted >= 40
+    copy.unlink()
+    os.mkfifo(copy)
+    assert mean_parts([copy]) == {}
