@@ -87,9 +87,14 @@ def sum_phases(phases: Mapping[str, float]) -> tuple[float, float]:
     return wall, sum(seconds for name, seconds in phases.items() if name.endswith(".cpu"))
 
 
+def _is_empty(value: Any) -> bool:
+    """Whether a column holds nothing; a plugin's motion may give numbers of NumPy, which are compared with care."""
+    return value is None or (isinstance(value, str | list) and not value)
+
+
 def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Attempts as a slot's file holds them: without what a clock measured or the slot says."""
-    return [{name: row[name] for name in OF_ATTEMPT if name != TIMED and row.get(name) not in (None, "", [])} for row in attempts]
+    return [{name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))} for row in attempts]
 
 
 def retimed(slot: Slot, attempts: Sequence[Mapping[str, Any]], seconds: Mapping[int, float]) -> tuple[dict[str, Any], ...]:
