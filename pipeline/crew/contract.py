@@ -1,4 +1,4 @@
-"""The contract of the crew: who works, what a job and its work are, and the two ways in which a job ends."""
+"""The contract of the crew: the workers, what a job and its work are, and the two ways in which a job ends."""
 
 import os
 from collections import Counter
@@ -36,7 +36,7 @@ class CrewError(DominoError):
 
 @dataclass(frozen=True)
 class Crew:
-    """Who works.
+    """The workers of a run.
 
     `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle`
     jobs). `address` names a running Ray cluster (host:port); without it, Ray is started on this
