@@ -1,6 +1,6 @@
-"""How many drawn shapes of a target's motion pass each filter: `python -m benchmarks.shape_filters`, in about a minute.
+"""How many drawn shapes of a target's motion pass each filter, and what those of level 3 are like.
 
-Ends are drawn in the workspaces of all tasks, 5 cm or more from their edges; alpha is 0.1 m/s.
+`python -m benchmarks.shape_filters` takes about two minutes. Ends are drawn in the workspaces of all tasks, 5 cm or more from their edges; alpha is 0.1 m/s.
 """
 
 from collections import Counter
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.motion.planar.judge import Limits, judge_shapes
 from pipeline.motion.planar.levels import DRAW, Paths
+from pipeline.motion.planar.polynomials import greatest_speed
 from pipeline.stages.back_calculate import END_SPEED
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
@@ -43,11 +44,36 @@ def row(level: int, total: float, rng: np.random.Generator) -> str:
     return f"| {level} | {total} | {share} | {over:.1f} | {fastest / ALPHA:.0f} alpha |"
 
 
+def pieces(total: float, end_speed: float | None, rng: np.random.Generator) -> str:
+    """What shapes of level 3 that pass the filters are like: per cent of pieces that are straight and
+    of shapes with two pieces; median, 90th and 99th percentile of the greatest speed (m/s)."""
+    straight, two, greatest = list[bool](), list[bool](), list[float]()
+    for task in (TASKS[name] for name in expand_tasks(())):
+        space = task.workspace
+        for _ in range(ENDS):
+            end = np.append(rng.uniform(space.lower + EDGE, space.upper - EDGE), 0.75)
+            paths = DRAW[3](rng, SHAPES, ALPHA, total, end[:2], space)
+            limits = Limits(space, end, 3, ALPHA, total, end_speed_limit=end_speed)
+            for i in np.flatnonzero(judge_shapes(paths, limits) == ""):
+                own, lasts = paths.coefficients[i], paths.durations[i]
+                used = np.flatnonzero(lasts)
+                straight += [not own[k, :, 2:].any() for k in used]
+                two.append(len(used) == 2)
+                greatest.append(max(greatest_speed(own[k]) / lasts[k] for k in used))
+    shares = f"{100 * np.mean(straight):.0f} | {100 * np.mean(two):.0f}"
+    speeds = " | ".join(f"{speed:.2f}" for speed in np.quantile(greatest, (0.5, 0.9, 0.99)))
+    bound = "any" if end_speed is None else f"{end_speed:g}"
+    return f"| {total:g} | {bound} | {shares} | {speeds} |"
+
+
 def main() -> None:
     rng = np.random.default_rng(0)
     for level in DRAW:
         for total in (1.5, 2.5, 5.0):
             print(row(level, total, rng), flush=True)
+    for total in (2.0, 3.0, 5.0):
+        for end_speed in (None, END_SPEED * ALPHA):
+            print(pieces(total, end_speed, np.random.default_rng(0)), flush=True)
 
 
 if __name__ == "__main__":
