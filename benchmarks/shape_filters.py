@@ -1,6 +1,7 @@
 """How many drawn shapes of a target's motion pass each filter, and what those of level 3 are like.
 
-`python -m benchmarks.shape_filters` takes about two minutes. Ends are drawn in the workspaces of all tasks, 5 cm or more from their edges; alpha is 0.1 m/s.
+`python -m benchmarks.shape_filters` takes about two minutes. Ends are drawn in the workspaces of all tasks, 5 cm or more from their
+edges; alpha is 0.1 m/s.
 """
 
 from collections import Counter

@@ -1,195 +1,188 @@
-"""Attempt success of tasks x robots x levels, physics only: `python -m benchmarks.success --robots all --levels 1 --slots 5`.
+"""Attempt success of tasks x robots x levels x domains x experts, physics only.
 
-Slots are filled as a build fills them, without images: attempts, each with a layout of its own, until one is accepted. Prints per
-cent of attempts accepted, tasks down, robots across, means with Wilson's 95 % interval, how the accepted targets move against how
-the law draws them, and the reasons of failure. `--alpha` takes a list and then prints yield and speeds per alpha, drawn with
-`--plot FILE.png`. `--rows FILE.parquet` keeps every attempt.
+    python -m benchmarks.success --tasks domino --robots all --levels 1,3 --domains clean,randomized \
+        --experts planned,reactive --slots 1 --seed 2040 --rows rows.jsonl
+
+Slots are filled as a build fills them, without images: attempts, each with a layout of its own, until one is accepted. Every
+finished slot is a line of `--rows`: the same command resumes a run that was stopped. `--table` prints the tables of the file and
+makes no attempts.
+
+It prints, for each expert, per cent of attempts accepted with 95 % intervals clustered by slot (attempts of a slot share the
+motion's shape), why attempts fail, how accepted targets move against how the law draws them (of level 1 with a test, for each
+alpha), how far the hands travel and how hard the robot presses.
 """
 
 import argparse
+import json
 from collections import Counter, defaultdict
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy import stats
 from tqdm import tqdm
 
 from benchmarks.hardware import hardware
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.spec import DOMAINS, EpisodeSpec
-from pipeline.evaluate.scoring.intervals import wilson
-from pipeline.motion.planar.motion import Features
+from pipeline.evaluate.scoring.intervals import clustered
+from pipeline.motion.planar.levels import mean_speed
 from pipeline.report.speed_law import drawn_and_accepted, law
-from pipeline.stages.attempt import Phases, attempt
+from pipeline.stages.attempt import Phases, Rollout, attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import expand_tasks
 from pipeline.world.robots import MODELS, get_embodiment
 
-ORIGINAL_STATIC = {"aloha-agilex": 78.2, "arx-x5": 77.9, "franka-panda": 69.0, "piper": 27.0, "ur5-wsg": 61.3}
+ORIGINAL_STATIC = {"aloha-agilex": 78, "arx-x5": 78, "franka-panda": 69, "piper": 27, "ur5-wsg": 61}
 """Mean static expert success of the original over its 35 tasks, per cent (RoboTwin 2.0 documentation)."""
 
+CELL = ("task", "embodiment", "level", "alpha", "domain", "slot")
+KEYS = ("expert", "seed", "attempts", "contact", "start")
+SAME = (*CELL, *KEYS)
+"""What tells a slot from the others of a file."""
 
-@dataclass(frozen=True)
-class Try:
-    """The outcome of one attempt: its number at its slot, the reason (empty if accepted), and seconds of processor time.
-
-    Also the features of the target's motion (m/s and m), if it had one."""
-
-    spec: EpisodeSpec
-    number: int
-    reason: str
-    detail: str
-    seconds: float
-    drawn: Features | None
-
-    def row(self) -> dict[str, Any]:
-        """As a row of attempts.parquet, with the processor seconds."""
-        outcome = "failed" if self.reason else "accepted"
-        stage, _, reason = self.reason.partition(": ")
-        said = {"attempt": self.number, "outcome": outcome, "stage": stage, "reason": reason, "detail": self.detail}
-        return asdict(self.spec) | said | {"seconds": self.seconds} | (asdict(self.drawn) if self.drawn else {})
+Row = dict[str, Any]
 
 
-def read_rows(paths: Sequence[Path]) -> list[Try]:
-    """Attempts kept by `--rows`; a later file replaces the tasks that it holds."""
-    by_task: dict[str, list[Try]] = {}
-    for path in paths:
-        found = defaultdict[str, list[Try]](list)
-        for row in pq.read_table(path).to_pylist():
-            spec = EpisodeSpec(**{f.name: row[f.name] for f in fields(EpisodeSpec)})
-            drawn = Features(*(row[f.name] for f in fields(Features))) if row.get("average_speed") is not None else None
-            reason = f"{row['stage']}: {row['reason']}" if row["outcome"] == "failed" else ""
-            found[spec.task].append(Try(spec, row["attempt"], reason, row["detail"], row["seconds"], drawn))
-        by_task |= found
-    return [one for group in by_task.values() for one in group]
-
-
-def fill(job: tuple[Recipe, Slot]) -> list[Try]:
-    """Attempts at a slot until one is accepted."""
-    recipe, slot = job
-    tries = list[Try]()
+def fill(recipe: Recipe, slot: Slot) -> Row:
+    """Attempts at a slot until one is accepted: the row of the slot."""
+    tries = list[Row]()
+    row = asdict(slot.cell) | {"slot": slot.index} | settings(recipe) | {"tries": tries}
     for number in range(recipe.attempts):
         phases, spec = Phases(), recipe.spec(slot, number)
         try:
-            rollout = attempt(spec, recipe, phases)
+            done = attempt(spec, recipe, phases)
         except Failure as failure:
-            reason = f"{failure.stage}: {failure.reason}"
-            tries.append(Try(spec, number, reason, failure.detail, sum(phases.cpu.values()), failure.drawn))
+            one = {"outcome": "failed", "stage": failure.stage, "reason": failure.reason, "detail": failure.detail}
+            drawn = failure.drawn
         else:
-            tries.append(Try(spec, number, "", "", sum(phases.cpu.values()), rollout.motion.features()))
+            one, drawn = {"outcome": "accepted"}, done.motion.features()
+            row |= {"travel": travel(done), "forces": forces(done)}
+        moved = asdict(drawn) if drawn else {}
+        tries.append({"attempt": number, "seconds": sum(phases.cpu.values())} | one | moved)
+        if one["outcome"] == "accepted":
             break
-    return tries
+    return row
 
 
-def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int) -> list[Try]:
-    """All slots in fresh processes; a bar shows how far and how well it goes. Ctrl-C ends it with what is finished."""
-    tries = list[Try]()
+def settings(recipe: Recipe) -> Row:
+    """What of a recipe tells the rows of a file apart."""
+    return {name: getattr(recipe, name) for name in KEYS}
+
+
+def travel(done: Rollout) -> Row:
+    """Length (m) of the way of both tools in an episode, and by how much (m) the way of one skill exceeds its straight line."""
+    log, worst = done.replay.log, 0.0
+    for run in log.skills:
+        frames = (log.times >= run.start / PHYSICS_HZ) & (log.times <= run.end / PHYSICS_HZ)
+        for side in run.arms:
+            way = log.tcp[frames, log.sides.index(side), :3]
+            if len(way) > 1:
+                net = float(np.linalg.norm(way[-1] - way[0]))
+                worst = max(worst, float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()) - net)
+    total = np.linalg.norm(np.diff(log.tcp[..., :3], axis=0), axis=-1).sum()
+    return {"total": round(float(total), 3), "excess": round(worst, 3)}
+
+
+def forces(done: Rollout) -> Row:
+    """The strongest contact (N) of an episode of each kind that the robot has, as sampled for the state log (30 Hz)."""
+    log, found = done.replay.log, defaultdict[str, float](float)
+    fingers = {f"{side}_{name}" for side, arm in done.scene.embodiment.arms.items() for name in arm.gripper.fingers}
+    links = {name for name in log.bodies if name.startswith(("left_", "right_"))}
+    for row in log.contacts:
+        pair = {log.bodies[row["a"]], log.bodies[row["b"]]}
+        robot = pair & links
+        if not robot:
+            continue
+        kind = "arms" if len(robot) == 2 else "palm" if not pair & fingers else "table" if "table" in pair else "finger"
+        found[kind] = max(found[kind], round(PHYSICS_HZ * float(row["impulse"]), 1))
+    return dict(found)
+
+
+def run(jobs: Sequence[tuple[Recipe, Slot]], workers: int, keep: Callable[[Row], None]) -> None:
+    """Fill all slots in fresh processes, and keep each row as it comes. Ctrl-C ends it with what is finished."""
+    filled = tried = 0
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool, tqdm(total=len(jobs), unit="slot") as bar:
+        futures = [pool.submit(fill, *job) for job in jobs]
         try:
-            for found in pool.map(fill, jobs, chunksize=1):
-                tries += found
+            for future in as_completed(futures):
+                row = future.result()
+                keep(row)
+                filled, tried = filled + is_filled(row), tried + len(row["tries"])
                 bar.update()
-                bar.set_postfix_str(f"{np.mean([not x.reason for x in tries]):.1%} of {len(tries)} attempts accepted")
+                bar.set_postfix_str(f"{filled / tried:.1%} of {tried} attempts accepted")
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
-    return tries
 
 
-def rates(tries: Sequence[Try], robots: Sequence[str], levels: Sequence[int]) -> str:
-    """Markdown: tasks down, robots across, per cent of attempts accepted over all levels; means over tasks, per level too."""
-    tasks = sorted({t.spec.task for t in tries})
-    rows = [" | ".join(["| task", *robots, "s per accepted |"]), "|---|" + "---:|" * (len(robots) + 1)]
-    for task in tasks:
-        shares = [share(tries, (task,), robot, levels) for robot in robots]
-        rows.append(" | ".join([f"| {task}", *shares, f"{cost([t for t in tries if t.spec.task == task]):.1f} |"]))
-    for level in levels if len(levels) > 1 else ():
-        means = [share(tries, tasks, robot, (level,)) for robot in robots]
-        rows.append(" | ".join([f"| mean, level {level}", *means, f"{cost([t for t in tries if t.spec.level == level]):.2f} |"]))
-    means = [f"**{share(tries, tasks, robot, levels)}**" for robot in robots]
-    rows.append(" | ".join(["| **mean**", *means, f"{cost(tries):.2f} |"]))
-    rows.append(" | ".join(["| 95 % interval", *(interval(tries, robot) for robot in robots), " |"]))
-    still = [share(tries, tasks, robot, levels, "dry_run") for robot in robots]
-    rows.append(" | ".join(["| dry runs alone", *still, " |"]))
-    rows.append(
-        " | ".join(
-            [
-                "| original, static (clean; its expert, attempts over seeds)",
-                *(f"{ORIGINAL_STATIC[robot]:.0f}" for robot in robots),
-                " |",
-            ]
-        )
-    )
-    return "\n".join(rows)
+def is_filled(row: Row) -> bool:
+    """Whether the last attempt of a slot was accepted."""
+    return row["tries"][-1]["outcome"] == "accepted"
 
 
-def share(tries: Sequence[Try], tasks: Sequence[str], robot: str, levels: Sequence[int], upto: str = "") -> str:
-    """Per cent of attempts accepted, as text; with `upto="dry_run"` of those that got past the dry run."""
-    early = ("layout", "dry_run")
-    group = [
-        not t.reason.startswith(early) if upto else not t.reason
-        for t in tries
-        if t.spec.task in tasks and t.spec.embodiment == robot and t.spec.level in levels
-    ]
-    return f"{100 * np.mean(group):.0f}"
+def percent(rows: Sequence[Row], digits: int = 0) -> str:
+    """Per cent of the attempts of slots that were accepted, as text; "" for no slots."""
+    tries = sum(len(row["tries"]) for row in rows)
+    return f"{100 * sum(map(is_filled, rows)) / tries:.{digits}f}" if rows else ""
 
 
-def interval(tries: Sequence[Try], robot: str) -> str:
-    """Wilson's 95 % interval of the share of a robot's attempts that were accepted, as text in per cent."""
-    good = [not t.reason for t in tries if t.spec.embodiment == robot]
-    low, high = wilson(sum(good), len(good))
+def interval(rows: Sequence[Row]) -> str:
+    """95 % interval of that share, clustered by slot, as text."""
+    low, high = clustered([(int(is_filled(row)), len(row["tries"])) for row in rows])
     return f"{100 * low:.1f}-{100 * high:.1f}"
 
 
-def domains(tries: Sequence[Try]) -> str:
-    """Markdown: per cent of attempts accepted by domain, of every task, every level and all, with Wilson's 95 % interval of all."""
-    names = [name for name in DOMAINS if any(t.spec.domain == name for t in tries)]
-    groups: dict[str, list[Try]] = {
-        task: [t for t in tries if t.spec.task == task] for task in sorted({t.spec.task for t in tries})
-    }
-    groups |= {f"level {level}": [t for t in tries if t.spec.level == level] for level in sorted({t.spec.level for t in tries})}
-    rows = [f"| attempts | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
-    for name, group in groups.items():
-        shares = ["{} of {}".format(*_count_accepted(group, domain)) for domain in names]
-        rows.append(f"| {name} | {' | '.join(shares)} |")
-    counts = [_count_accepted(tries, domain) for domain in names]
-    ends = [[100 * end for end in wilson(*count)] for count in counts]
-    said = [f"**{100 * n / of:.1f}** ({low:.1f}-{high:.1f})" for (n, of), (low, high) in zip(counts, ends, strict=True)]
-    return "\n".join([*rows, f"| **all, %** | {' | '.join(said)} |"])
+def rates(rows: Sequence[Row], by: str) -> str:
+    """Markdown: tasks down, values of `by` across, per cent of attempts accepted; per level too, and all with intervals."""
+    columns = sorted({row[by] for row in rows})
+
+    def line(name: str, group: Sequence[Row], cell: Callable[[Sequence[Row]], str] = percent) -> str:
+        cells = [cell([row for row in group if row[by] == column]) for column in columns]
+        return f"| {name} | " + " | ".join([*cells, cell(group)]) + " |"
+
+    lines = ["| task | " + " | ".join([*columns, "all"]) + " |", "|---|" + "---:|" * (len(columns) + 1)]
+    lines += [line(task, [r for r in rows if r["task"] == task]) for task in sorted({r["task"] for r in rows})]
+    lines += [line(f"level {level}", [r for r in rows if r["level"] == level]) for level in sorted({r["level"] for r in rows})]
+    lines += [line("**all attempts**", rows, lambda group: percent(group, 1)), line("95 % interval by slot", rows, interval)]
+    lines += [line("slots filled", rows, lambda group: f"{sum(map(is_filled, group))} of {len(group)}")]
+    if by == "embodiment":
+        lines.append(line("original, static expert", rows, original))
+    return "\n".join(lines)
 
 
-def _count_accepted(tries: Sequence[Try], domain: str) -> tuple[int, int]:
-    """How many attempts of a domain were accepted, and of how many."""
-    good = [not t.reason for t in tries if t.spec.domain == domain]
-    return sum(good), len(good)
+def original(rows: Sequence[Row]) -> str:
+    """The original's success on the robot of these slots, "" for several robots."""
+    robots = {row["embodiment"] for row in rows}
+    return str(ORIGINAL_STATIC[robots.pop()]) if len(robots) == 1 else ""
 
 
-def speeds(tries: Sequence[Try], levels: Sequence[int]) -> str:
-    """Markdown: motions drawn against motions accepted per level, and the test of level 1 against the paper's law."""
-    head = "| level | motions | number | average m/s | end m/s | displacement m | under 5 cm | at 0.01 m/s | 0.8 alpha or more |"
-    rows = [head, "|---:|---|" + "---:|" * 7]
-    for level in levels:
-        groups = drawn_and_accepted([t.row() for t in tries if t.spec.level == level])
+def attempts(rows: Sequence[Row]) -> list[Row]:
+    """All attempts of slots, each with the cell of its slot, as pipeline.report.speed_law takes them."""
+    return [{name: row[name] for name in CELL} | one for row in rows for one in row["tries"]]
+
+
+def speeds(rows: Sequence[Row]) -> str:
+    """Markdown: motions drawn against motions accepted per level and alpha, and the test of level 1 against the paper's law."""
+    head = ["level", "alpha m/s", "motions", "number", "average m/s", "end m/s", "greatest, 99 % below m/s"]
+    head += ["displacement m", "under 5 cm", "0.8 alpha or more"]
+    lines, tests = ["| " + " | ".join(head) + " |", "|---:|---:|---|" + "---:|" * 7], list[str]()
+    for level, alpha in sorted({(row["level"], row["alpha"]) for row in rows if row["level"]}):
+        groups = drawn_and_accepted(attempts([row for row in rows if (row["level"], row["alpha"]) == (level, alpha)]))
         for name, group in zip(("drawn", "accepted"), groups, strict=True):
             if (m := law(group)) is not None:
-                means = f"{m.count} | {m.average_speed:.4f} | {m.end_speed:.4f} | {m.displacement:.3f}"
-                rows.append(f"| {level} | {name} | {means} | {m.short:.0%} | {m.slow:.1%} | {m.fast:.0%} |")
-    accepted = [t for t in tries if t.spec.level == 1 and not t.reason and t.drawn]
-    if accepted:
-        relative = [t.drawn.average_speed / t.spec.alpha for t in accepted if t.drawn]
-        statistic, p = kolmogorov_smirnov(relative, 0.01 / accepted[0].spec.alpha)
-        rows.append(
-            f"\nLevel 1: Kolmogorov-Smirnov of {len(accepted)} accepted speeds against the law: D {statistic:.3f}, p {p:.2f}"
-        )
-    return "\n".join(rows)
+                greatest = np.quantile([one["maximum_speed"] for one in group], 0.99)
+                means = f"{m.count} | {m.average_speed:.4f} | {m.end_speed:.4f} | {greatest:.2f} | {m.displacement:.3f}"
+                lines.append(f"| {level} | {alpha:g} | {name} | {means} | {m.short:.0%} | {m.fast:.0%} |")
+            if level == 1 and group:
+                d, p = kolmogorov_smirnov([one["average_speed"] / alpha for one in group], 0.01 / alpha)
+                mean = f"the law's mean is {mean_speed(alpha):.4f}"
+                tests.append(f"{len(group)} motions {name} at {alpha:g} m/s: {mean}; D {d:.3f}, p {p:.2g}")
+    return "\n".join([*lines, "", *tests])
 
 
 def kolmogorov_smirnov(relative: Sequence[float] | NDArray[np.float64], slowest: float = 0.1) -> tuple[float, float]:
@@ -208,102 +201,100 @@ def kolmogorov_smirnov(relative: Sequence[float] | NDArray[np.float64], slowest:
     return float(found.statistic), float(found.pvalue)
 
 
-def reasons(tries: Sequence[Try]) -> str:
-    """Markdown: why attempts failed, per robot and task, with the conditions that did not hold."""
-    counts = Counter((t.spec.embodiment, t.spec.task, _describe_try(t)) for t in tries if t.reason)
-    rows = ["| robot | task | stage and reason | attempts |", "|---|---|---|---:|"]
-    return "\n".join(rows + [f"| {robot} | {task} | {reason} | {n} |" for (robot, task, reason), n in sorted(counts.items())])
+def hands(rows: Sequence[Row]) -> str:
+    """Markdown, one row a robot: how far the tools travel, and the strongest contacts; median, 95th percentile and most."""
+    kinds = {"arms": "arm on arm", "palm": "palm or link on a body", "table": "finger on table", "finger": "finger on a body"}
+    head = ["robot", "episodes", "both tools, m", "beyond the straight line of a skill, m", *(f"{k}, N" for k in kinds.values())]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
+    for robot in sorted({row["embodiment"] for row in rows}):
+        group = [row for row in rows if row["embodiment"] == robot and is_filled(row)]
+        ways = [[row["travel"][name] for row in group] for name in ("total", "excess")]
+        pushes = [[row["forces"].get(kind, 0.0) for row in group] for kind in kinds]
+        cells = [*(_spread(way, 2) for way in ways), *(_spread(push, 0) for push in pushes)]
+        lines.append(f"| {robot} | {len(group)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
-def _describe_try(t: Try) -> str:
-    return f"{t.reason} ({t.detail.rpartition(': ')[2]})" if t.reason.endswith("no_success") else t.reason
+def _spread(values: Sequence[float], digits: int) -> str:
+    middle, most = np.quantile(values, (0.5, 0.95)) if values else (np.nan, np.nan)
+    return f"{middle:.{digits}f}, {most:.{digits}f}, {max(values, default=np.nan):.{digits}f}"
 
 
-def cost(tries: Sequence[Try]) -> float:
-    """CPU seconds of all attempts per accepted one."""
-    return sum(t.seconds for t in tries) / max(1, sum(not t.reason for t in tries))
+def reasons(rows: Sequence[Row]) -> str:
+    """Markdown: why attempts failed, with the number of slots in which they did, and the tasks where they did most often."""
+    failed = [(row, one) for row in rows for one in row["tries"] if one["outcome"] == "failed"]
+    groups = defaultdict[str, list[Row]](list)
+    for row, one in failed:
+        groups[f"{one['stage']}: {one['reason']}"].append(row)
+    lines = ["| stage: reason | attempts | slots | most often in |", "|---|---:|---:|---|"]
+    for reason, of in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
+        tasks = ", ".join(f"{task} {n}" for task, n in Counter(row["task"] for row in of).most_common(3))
+        lines.append(f"| {reason} | {len(of)} | {len({tuple(row[k] for k in SAME) for row in of})} | {tasks} |")
+    return "\n".join(lines)
 
 
-def alphas(tries: Sequence[Try]) -> str:
-    """Markdown: yield and target speeds per alpha."""
-    rows = ["| alpha m/s | accepted % | average speed | fastest |", "|---:|---:|---:|---:|"]
-    for alpha in sorted({t.spec.alpha for t in tries}):
-        group = [t for t in tries if t.spec.alpha == alpha]
-        good = [t.drawn for t in group if not t.reason and t.drawn]
-        speeds = (np.mean([m.average_speed for m in good]), max(m.maximum_speed for m in good)) if good else (0.0, 0.0)
-        rows.append(f"| {alpha:g} | {100 * len(good) / len(group):.0f} | {speeds[0]:.3f} | {speeds[1]:.3f} |")
-    return "\n".join(rows)
-
-
-def plot(tries: Sequence[Try], path: Path) -> None:
-    """Picture of the yield and of the target's speeds against alpha, one line per task and their mean."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    steps = sorted({t.spec.alpha for t in tries})
-    tasks = sorted({t.spec.task for t in tries})
-    by: dict[tuple[str, float], list[bool]] = defaultdict(list)
-    for t in tries:
-        by[t.spec.task, t.spec.alpha].append(not t.reason)
-    share = np.array([[np.mean(by[task, alpha]) for alpha in steps] for task in tasks])
-    for name, row in zip(tasks, share, strict=True):
-        left.plot(steps, 100 * row, marker=".", lw=0.8, alpha=0.6, label=name)
-    left.plot(steps, 100 * share.mean(0), "k", marker="o", lw=2, label="mean")
-    left.set(xlabel="alpha (m/s)", ylabel="attempts accepted (%)", ylim=(0, 103))
-    left.legend(fontsize=7)
-    good = [[t.drawn for t in tries if t.spec.alpha == a and not t.reason and t.drawn] for a in steps]
-    width = 0.3 * float(np.diff(steps).min())
-    right.boxplot([[m.average_speed for m in group] for group in good], positions=steps, widths=width, manage_ticks=False)
-    right.plot(steps, [max((m.maximum_speed for m in group), default=np.nan) for group in good], "r^", label="fastest instant")
-    right.plot([0, steps[-1]], [0, steps[-1]], "k:", label="alpha")
-    right.set(xlabel="alpha (m/s)", ylabel="target speed, average of an episode (m/s)", ylim=(0, None))
-    right.legend(fontsize=7)
-    figure.savefig(path, dpi=110)
+def tables(rows: Sequence[Row]) -> Iterator[str]:
+    """All tables, expert by expert."""
+    yield hardware()
+    for expert in sorted({row["expert"] for row in rows}):
+        own = [row for row in rows if row["expert"] == expert]
+        seconds = sum(one["seconds"] for row in own for one in row["tries"]) / max(1, sum(map(is_filled, own)))
+        count = sum(len(row["tries"]) for row in own)
+        share = f"{percent(own, 1)} % ({interval(own)}) of {count} attempts at {len(own)} slots accepted"
+        yield f"## {expert} expert\n\n{share}; {seconds:.2f} s of processor time an accepted episode."
+        for by in ("embodiment", "domain", "alpha"):
+            if by == "embodiment" or len({row[by] for row in own}) > 1:
+                yield rates([row | {by: str(row[by])} for row in own], by)
+        yield from (reasons(own), speeds(own), hands(own))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tasks", default="all")
+    parser.add_argument("--tasks", default="domino", help="names of tasks and of suites, such as domino or beyond")
     parser.add_argument("--robots", default="aloha")
     parser.add_argument("--levels", default="1")
     parser.add_argument("--alpha", default="0.1")
     parser.add_argument("--domains", default="clean")
-    parser.add_argument("--slots", type=int, default=5, help="slots per task, robot, level, alpha and domain")
+    parser.add_argument("--experts", default="planned")
+    parser.add_argument("--slots", type=int, default=1, help="slots per task, robot, level, alpha and domain")
     parser.add_argument("--seed", type=int, default=0, help="seed of the recipe: other ones are other layouts")
     parser.add_argument("--attempts", type=int, default=30)
     parser.add_argument("--contact", help="what the first touch does to the target, where it is not what the rules say")
+    parser.add_argument("--start", help="when targets start, early or late, where it is not what the rules say")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="also write the tables, with the reasons of failure, here")
-    parser.add_argument("--rows", type=Path, help="write all attempts to this Parquet file")
-    parser.add_argument("--read", type=Path, nargs="+", help="make no attempts: print the tables of these Parquet files")
-    parser.add_argument("--plot", type=Path, help="draw yield and speeds against alpha here")
+    parser.add_argument("--rows", type=Path, required=True, help="JSON lines, one a slot; slots that it has are not filled again")
+    parser.add_argument("--table", action="store_true", help="make no attempts: print the tables of the rows")
     args = parser.parse_args()
-    tasks = expand_tasks(args.tasks.split(","))
-    robots = list(MODELS) if args.robots == "all" else [get_embodiment(r).name for r in args.robots.split(",")]
-    levels, alpha = [int(x) for x in args.levels.split(",")], [float(x) for x in args.alpha.split(",")]
-    recipe = Recipe.model_validate(
-        {
-            **{"seed": args.seed, "tasks": tasks, "embodiments": robots, "levels": levels, "alpha": alpha},
-            **{"domains": args.domains.split(","), "episodes": args.slots, "attempts": args.attempts, "contact": args.contact},
-        }
-    )
-    tries = read_rows(args.read) if args.read else run([(recipe, slot) for slot in recipe.slots()], args.workers)
-    if args.rows:
-        pq.write_table(pa.Table.from_pylist([t.row() for t in tries]), args.rows)
-    what = f"{len(tries)} attempts, levels {args.levels}, alpha {args.alpha}, {args.domains}"
-    head = f"{what}, {cost(tries):.2f} s of processor time (physics and planning, failures included) per accepted episode."
-    parts = [
-        head,
-        hardware(),
-        rates(tries, robots, levels),
-        *([domains(tries)] if len({t.spec.domain for t in tries}) > 1 else []),
-        speeds(tries, levels),
-        *([alphas(tries)] if len(alpha) > 1 else []),
-        reasons(tries),
-    ]
-    print("\n\n".join(parts))
-    if args.out:
-        args.out.write_text("\n\n".join(parts) + "\n")
-    if args.plot:
-        plot(tries, args.plot)
+    rows = [json.loads(line) for line in args.rows.read_text().splitlines()] if args.rows.exists() else []
+    if not args.table:
+        jobs = wanted(args)
+        have = {tuple(row[name] for name in SAME) for row in rows}
+        left = [(recipe, slot) for recipe, slot in jobs if _key(recipe, slot) not in have]
+        with args.rows.open("a") as file:
+
+            def keep(row: Row) -> None:
+                rows.append(row)
+                print(json.dumps(row), file=file, flush=True)
+
+            run(left, args.workers, keep)
+        asked = {_key(*job) for job in jobs}
+        rows = [row for row in rows if tuple(row[name] for name in SAME) in asked]
+    print("\n\n".join(tables(rows)))
+
+
+def wanted(args: argparse.Namespace) -> list[tuple[Recipe, Slot]]:
+    """The slots that are asked for, expert by expert."""
+    robots = list(MODELS) if args.robots == "all" else [get_embodiment(robot).name for robot in args.robots.split(",")]
+    values = {"seed": args.seed, "tasks": expand_tasks(args.tasks.split(",")), "embodiments": robots, "attempts": args.attempts}
+    values |= {"levels": [int(x) for x in args.levels.split(",")], "alpha": [float(x) for x in args.alpha.split(",")]}
+    values |= {"domains": args.domains.split(","), "episodes": args.slots, "contact": args.contact, "start": args.start}
+    recipes = [Recipe.model_validate(values | {"expert": expert}) for expert in args.experts.split(",")]
+    return [(recipe, slot) for recipe in recipes for slot in recipe.slots()]
+
+
+def _key(recipe: Recipe, slot: Slot) -> tuple[Any, ...]:
+    row = asdict(slot.cell) | {"slot": slot.index} | settings(recipe)
+    return tuple(row[name] for name in SAME)
 
 
 if __name__ == "__main__":
