@@ -53,8 +53,8 @@ def compare(reference: Path, other: Path) -> Comparison:
 
 
 def _files(root: Path) -> list[str]:
-    """Everything but the report's pages and pictures, since which failed attempt a cell's picture
-    shows depends on which came first, and logs, since a worker that was killed leaves its own."""
+    """All files but the report's pages and pictures, and logs. Which failed attempt a cell's picture
+    shows depends on which came first; a worker that was killed leaves its log."""
     found = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if not path.is_dir())
     return [name for name in found if not name.startswith(("report/", "logs/")) or name == "report/index.html"]
 

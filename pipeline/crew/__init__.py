@@ -1,1 +1,1 @@
-"""Who works: this process, or Ray workers. One loop over jobs, one rule for lost workers. It knows no dataset and no simulator."""
+"""The workers of a run: this process, or Ray. One loop over jobs, one rule for lost workers. It knows no dataset and no simulator."""
