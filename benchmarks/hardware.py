@@ -6,7 +6,7 @@ import re
 from datetime import date
 from pathlib import Path
 
-from pipeline.run.build import processor
+from pipeline.run.provenance import processor
 
 
 def hardware(device: str = "") -> str:

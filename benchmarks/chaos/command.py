@@ -30,7 +30,8 @@ from pipeline.motion.models import motion_from_json
 from pipeline.run.slot import fill as filling
 from pipeline.run.slot.fill import SlotJob, slot_worker
 from pipeline.run.slot.make import Images, stored_images
-from pipeline.stages.attempt import Perform, Phases
+from pipeline.stages.attempt import Phases
+from pipeline.stages.demonstrator import Demonstrator
 from pipeline.stages.failure import Failure
 
 STORED = "CHAOS_STORED"
@@ -68,7 +69,7 @@ class Stored:
         """What stands in place of the functions of pipeline.run.slot.fill."""
         return {"attempt": self.attempt, "draw": self.draw, "episode_of": self.episode_of, "renew": self.renew}
 
-    def attempt(self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, perform: Perform | None) -> _Rollout:
+    def attempt(self, spec: EpisodeSpec, recipe: Recipe, phases: Phases, demonstrator: Demonstrator) -> _Rollout:
         """A rollout, or a Failure, as the spec's own random numbers will have it."""
         chance = spec.rng("chaos")
         with phases("dry_run"):

@@ -6,6 +6,7 @@ that the robot may be held still or pushed (`perturb`): the expert then shows ho
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from pipeline.expert.reactive.actor import ReactiveActor
 from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.contract import TargetMotion
 from pipeline.poses import Floats
+from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure, failing_as
 from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
@@ -52,11 +54,25 @@ STIRRED = 1e-3
 
 @dataclass(frozen=True)
 class Correction:
-    """The third stage of an attempt (stages/attempt.py) by a recipe that corrects a policy."""
+    """The demonstrator (stages/demonstrator.py) of a recipe that corrects a policy."""
 
     recipe: Recipe
 
-    def __call__(self, scene: Scene, motion: TargetMotion, meeting: float) -> Replay:
+    def describe(self) -> dict[str, Any]:
+        """The expert, and the label of the policy."""
+        return {"expert": "reactive", "corrects": self.recipe.corrections.label if self.recipe.corrections else ""}
+
+    def check(self) -> None:
+        """Make the policy, and compare its contract. Raises PolicyError if either fails."""
+        recipe = self.recipe
+        try:
+            asked = _ask_policy(recipe)
+            for robot in recipe.embodiments:
+                check_contract(asked.policy, start_of(get_embodiment(robot), _choose_setup(asked, recipe), ""))
+        except PolicyError as error:
+            raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
+
+    def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         """The rollout, whose log says who acted at each frame and what the expert would have done.
 
         Raises Failure: takeover_late (the policy touched the target or moved a body before the expert's turn), no_error (it never
@@ -64,27 +80,17 @@ class Correction:
         made or is another one than the recipe's.
         """
         recipe = self.recipe
-        actor = scene.start(motion, recipe.fps, STAGE, ReactiveActor)
+        actor = scene.start(motion, fps, STAGE, ReactiveActor)
         actor.recorder.watched = SIDES
         with failing_as(STAGE, actor):
             actor.attend(recipe.sight, scene.task.workspace, scene.spec.rng("sight"))
-            case = Case(scene.spec, motion.to_json(), meeting, 0, "", "", recipe.physics)
+            case = Case(scene.spec, motion.to_json(), dry.meeting, 0, "", "", recipe.physics)
             labels = _Turn(recipe, Trial(scene, motion, recipe, actor), actor, case).take()
             actor.meet(scene.task.meet)
             done = finish(scene, actor, STAGE)
         log, frames = done.log, len(labels)
         expert = np.concatenate([np.array(labels).reshape(frames, log.action.shape[1]), log.action[frames:]])
         return Replay(replace(log, intervention=np.arange(len(log)) >= frames, expert_action=expert), done.steps)
-
-
-def check_policy(recipe: Recipe) -> None:
-    """Make the policy that a recipe corrects, and compare its contract. Raises PolicyError if either fails."""
-    try:
-        asked = _ask_policy(recipe)
-        for robot in recipe.embodiments:
-            check_contract(asked.policy, start_of(get_embodiment(robot), _choose_setup(asked, recipe), ""))
-    except PolicyError as error:
-        raise PolicyError(str(error).replace("--policy", "--corrections", 1)) from error
 
 
 def _ask_policy(recipe: Recipe) -> Asked:

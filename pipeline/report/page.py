@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, attempts_table
 from pipeline.data.episode.file import EpisodeError
 from pipeline.data.keys import digest
 from pipeline.data.rows import Rows
@@ -34,7 +34,8 @@ def refresh(dataset: Dataset, sheet_of: SheetOf) -> Path:
     a recipe.
     """
     recipe = dataset.recipe()
-    rows, table = dataset.present(recipe, "frames", "sha256"), dataset.write_attempts(recipe)
+    rows = dataset.present(recipe, "frames", "sha256")
+    table = dataset.ask(lambda index: attempts_table(index, rows))
     seen = list(_observe(dataset, rows, recipe.fps))
     keys = {task: _key(dataset, rows, task) for task in recipe.tasks}
     return write_report(

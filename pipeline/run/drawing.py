@@ -10,7 +10,7 @@ from tqdm import tqdm
 from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
 from pipeline.data.assets import AssetStore
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import SlotRecord
 from pipeline.data.reread import IndexWriter
@@ -76,6 +76,16 @@ def draw_all(work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, qu
                 bar.set_postfix_str(f"{len(problems)} cannot be drawn")
             bar.update(1)
     return sorted(problems)
+
+
+def draw_variants(dataset: Dataset, recipe: Recipe, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool) -> None:
+    """Draw the other looks of a recipe's episodes from the first ones. Raises DatasetError for those that cannot be drawn."""
+    if recipe.variants == 1:
+        return
+    others = (slot for slot in recipe.slots() if slot.variant)
+    problems = draw_all(work_of(dataset, dataset, recipe, others, writer.catch_up()), writer, crew, timeout, quiet)
+    if problems:
+        raise DatasetError(f"{len(problems)} variants cannot be drawn: {problems[0]}")
 
 
 def drawer() -> Callable[[DrawJob], SlotRecord | str]:

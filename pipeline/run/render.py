@@ -14,8 +14,9 @@ from pipeline.data.reread import IndexWriter
 from pipeline.data.sealed import seal
 from pipeline.data.store.lock import exclusive
 from pipeline.report.page import refresh
-from pipeline.run.build import ATTEMPT_SECONDS, provenance
+from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.drawing import draw_all, work_of
+from pipeline.run.provenance import provenance
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.drawing.vulkan import ensure_renderer
 

@@ -2,7 +2,7 @@
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -15,10 +15,10 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.grasping import near_one
 from pipeline.motion.contract import TargetMotion
 from pipeline.stages.back_calculate import back_calculate
+from pipeline.stages.demonstrator import Demonstrator, expert_of
 from pipeline.stages.dry_run import DryRun, Variation, dry_run
 from pipeline.stages.failure import Failure
-from pipeline.stages.react import react
-from pipeline.stages.replay import Replay, replay
+from pipeline.stages.replay import Replay
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.tasks import TASKS
 
@@ -61,6 +61,7 @@ class Rollout:
     meeting: float
     replay: Replay
     steps: int
+    demonstrator: Demonstrator
 
 
 def _dry_runs(scene: Scene, fps: int, phases: Phases) -> Iterator[DryRun]:
@@ -111,18 +112,13 @@ def draw_motion(scene: Scene, setup: Setup, phases: Phases) -> tuple[DryRun, Tar
         refused.clear()  # they refer to this frame
 
 
-Perform = Callable[[Scene, TargetMotion, float], Replay]
-"""Does the third stage: a scene, the motion of its target, and when that is at the manipulation pose (s). Raises Failure."""
-
-
-def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, perform: Perform | None = None) -> Rollout:
-    """The three stages for one spec. `perform` does the third; without it the planned expert replays it, or the reactive one acts
-    if a recipe asks for it.
+def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, demonstrator: Demonstrator | None = None) -> Rollout:
+    """The three stages for one spec. A `demonstrator` does the third, by default the expert that the setup names.
 
     Raises Failure, with `steps` set to the physics steps spent and `drawn` to what was drawn, and OwnCodeError for an error in the
     code of a task from outside the package.
     """
-    steps, drawn, motion, meeting = 0, None, None, 0.0
+    steps, drawn, motion, meeting, demonstrator = 0, None, None, 0.0, demonstrator or expert_of(setup)
     try:
         with phases("scene"):
             scene = build_scene(spec, setup.ruling())
@@ -130,12 +126,7 @@ def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, perform: Perform | 
         drawn, meeting = motion.features(), dry.meeting
         with phases("replay"):
             scene = scene.furnished(motion)
-            if perform is not None:
-                done = perform(scene, motion, meeting)
-            elif sight := setup.reactive:
-                done = react(scene, motion, sight, setup.fps)
-            else:
-                done = replay(scene, dry, motion, setup.fps)
+            done = demonstrator.show(scene, dry, motion, setup.fps)
     except Failure as failure:
         failure.steps += steps
         failure.drawn, failure.motion, failure.meeting = failure.drawn or drawn, motion, meeting
@@ -143,4 +134,4 @@ def attempt(spec: EpisodeSpec, setup: Setup, phases: Phases, perform: Perform | 
     except Exception as error:
         raise_own(error, type(TASKS[spec.task]), f"task {spec.task}")
         raise
-    return Rollout(scene, motion, dry.meeting, done, steps + done.steps)
+    return Rollout(scene, motion, dry.meeting, done, steps + done.steps, demonstrator)

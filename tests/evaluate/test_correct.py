@@ -13,7 +13,9 @@ from pipeline.expert.reactive.advice import Adviser
 from pipeline.motion.planar.motion import PlanarMotion, Segment
 from pipeline.poses import quat_rotate
 from pipeline.run.names import named_policy
+from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import Failure
+from pipeline.stages.replay import Replay
 from pipeline.stages.scene import Scene, build_scene
 
 MEETING = 3.0
@@ -40,8 +42,14 @@ def correcting(policy: str, **keys: object) -> Correction:
     return Correction(Recipe.model_validate({"corrections": {"policy": policy, "label": policy}} | keys))
 
 
+def show(correction: Correction, scene: Scene, motion: PlanarMotion, meeting: float) -> Replay:
+    """As after a dry run that met the target then (s)."""
+    still = np.zeros((0, 0))
+    return correction.show(scene, DryRun(still, still, meeting, {}, still, (), 0, None), motion, 15)
+
+
 def test_the_policy_acts_until_a_drawn_time_and_the_expert_then(scene, motion):
-    done = correcting("static")(scene, motion, MEETING)
+    done = show(correcting("static"), scene, motion, MEETING)
     log = done.log
     assert log.intervention is not None and log.expert_action is not None
     first = int(np.argmax(log.intervention))
@@ -50,7 +58,7 @@ def test_the_policy_acts_until_a_drawn_time_and_the_expert_then(scene, motion):
     assert np.array_equal(log.expert_action[first:], log.action[first:])
     assert not np.array_equal(log.expert_action[:first], log.action[:first])
     assert scene.succeeded(log)
-    again = correcting("static")(scene, motion, MEETING).log
+    again = show(correcting("static"), scene, motion, MEETING).log
     assert np.array_equal(again.action, log.action) and np.array_equal(np.array(again.expert_action), log.expert_action)
 
 
@@ -58,7 +66,7 @@ def test_the_policy_acts_until_a_drawn_time_and_the_expert_then(scene, motion):
 def test_a_robot_is_perturbed_before_the_expert_recovers(perturb):
     """The perturbation lasts as long as it was drawn, is not the expert's, and follows the policy's part."""
     scene = build_scene(EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 2))
-    log = correcting("static", perturb=perturb)(scene, along_y(scene, 0.02), MEETING).log
+    log = show(correcting("static", perturb=perturb), scene, along_y(scene, 0.02), MEETING).log
     assert log.intervention is not None
     first, taken = int(np.argmax(log.intervention)), int(np.ceil(scene.spec.rng("takeover").uniform(0.0, MEETING) * 15))
     rng = scene.spec.rng("perturb")
@@ -72,7 +80,7 @@ def test_a_robot_is_perturbed_before_the_expert_recovers(perturb):
 def test_an_expert_that_waits_for_an_error_takes_over_where_the_hand_is_astray(scene):
     """The policy goes where the bell was at the start, the expert's path follows the bell."""
     motion = along_y(scene, 0.04)
-    log = correcting("static", takeover="error")(scene, motion, MEETING).log
+    log = show(correcting("static", takeover="error"), scene, motion, MEETING).log
     assert log.intervention is not None
     first = int(np.argmax(log.intervention))
     moved = motion.pose(log.times)[:, 1] - motion.pose(0.0)[1]
@@ -126,18 +134,18 @@ def test_a_policy_without_an_answer_is_a_failure_with_a_reason(scene, motion, tm
     corrections = named_policy(Corrections(policy=str(path)))
     recipe = Recipe(corrections=corrections, cameras=("head",), size=(32, 24), render="raster-fast")
     with pytest.raises(Failure, match=said) as raised:
-        Correction(recipe)(scene, motion, MEETING)
+        show(Correction(recipe), scene, motion, MEETING)
     assert raised.value.reason == "policy_failed"
 
 
 def test_a_target_that_the_policy_touches_first_is_a_failure_with_a_reason(scene, motion):
     # the drawn time lies far behind the touch
     with pytest.raises(Failure) as raised:
-        correcting("chaser")(scene, motion, 60.0)
+        show(correcting("chaser"), scene, motion, 60.0)
     assert raised.value.reason == "takeover_late"
 
 
 def test_another_policy_under_the_same_name_is_refused(scene, motion):
     recipe = Recipe(corrections=Corrections(policy="static", label="static@1"))
     with pytest.raises(DominoError, match="is static, not static@1 any more"):
-        Correction(recipe)(scene, motion, MEETING)
+        show(Correction(recipe), scene, motion, MEETING)

@@ -16,7 +16,7 @@ from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.evaluate.correct import Correction
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.poses import Floats
-from pipeline.stages.attempt import Perform, Phases, attempt
+from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.failure import Failure
 from pipeline.world.objects import FAMILIES, Family
 from training.ladder.features import State, target_first
@@ -91,16 +91,12 @@ class SlotJob:
     slot: Slot
 
 
-def fill(job: SlotJob, perform: Perform | None = None) -> Demonstration | None:
-    """The episode that a build of this recipe accepts for the slot, without images; None if it gives the slot up.
-
-    `perform` does the third stage in place of the recipe's expert.
-    """
-    if perform is None and job.recipe.corrections:
-        perform = Correction(job.recipe)
+def fill(job: SlotJob) -> Demonstration | None:
+    """The episode that a build of this recipe accepts for the slot, without images; None if it gives the slot up."""
+    demonstrator = Correction(job.recipe) if job.recipe.corrections else None
     for number in range(job.recipe.attempts):
         try:
-            rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, Phases(), perform)
+            rollout = attempt(job.recipe.spec(job.slot, number), job.recipe, Phases(), demonstrator)
         except Failure:
             continue
         scene = rollout.scene

@@ -18,6 +18,7 @@ from pipeline.report.summary import failed_folder
 from pipeline.run.slot.make import draw, episode_of, write
 from pipeline.stages import dry_run, react, replay
 from pipeline.stages.attempt import Phases, Rollout
+from pipeline.stages.demonstrator import Demonstrator
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
@@ -29,12 +30,13 @@ KEPT = {"none": (), "rendered": _LAST, "all": (dry_run.STAGE, *_LAST)}
 
 @dataclass(frozen=True)
 class Failed:
-    """An attempt at a slot that failed: its number and why, and the keys that the slot is made with."""
+    """An attempt at a slot that failed: its number and why, the keys that the slot is made with, and who demonstrated."""
 
     slot: Slot
     number: int
     failure: Failure
     keys: SlotKeys
+    demonstrator: Demonstrator
 
 
 def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phases) -> str:
@@ -50,7 +52,7 @@ def keep_failure(dataset: Dataset, recipe: Recipe, failed: Failed, phases: Phase
         motion = PlanarMotion.still(scene.bodies[scene.task.target].pose, max(meeting, 1 / recipe.fps))
     scene = scene.furnished(motion)
     images = draw(dataset, scene, log, recipe, phases)
-    rollout = Rollout(scene, motion, meeting, replay.Replay(log, failure.steps), failure.steps)
+    rollout = Rollout(scene, motion, meeting, replay.Replay(log, failure.steps), failure.steps, failed.demonstrator)
     episode = episode_of(rollout, recipe, images.drawing, failed.keys)
     why = FailureInfo(
         attempt=failed.number, stage=failure.stage, reason=failure.reason, detail=failure.detail, conditions=failure.conditions

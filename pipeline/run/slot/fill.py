@@ -2,7 +2,8 @@
 
 import os
 import time
-from collections.abc import Callable, Generator
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,11 +20,13 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.records import FileFacts, SlotRecord, untimed
 from pipeline.memory import trim
 from pipeline.run.identity.slot_keys import code_version, slot_keys
+from pipeline.run.slot.demonstrator import demonstrator_of
 from pipeline.run.slot.failures import Failed, keep_failure, keep_last_frames, remove_failures
 from pipeline.run.slot.make import draw, episode_of, read_facts, renew, write
 from pipeline.run.slot.send import send_slot
 from pipeline.run.slot.worker_log import worker_log
-from pipeline.stages.attempt import Perform, Phases, attempt
+from pipeline.run.state import IMAGES, SENTENCES, SlotState
+from pipeline.stages.attempt import Phases, attempt
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 
@@ -69,6 +72,15 @@ class SlotJob:
                 raise CrewError(f"{self.slot.path}: workers die of it before they try any seed")
             attempt = untried[0]
         return replace(self, lost=(*self.lost, Lost(attempt, died.reason, died.seconds)))
+
+
+def slot_jobs(dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState]) -> deque[SlotJob]:
+    """What the workers are sent to make what is missing of some slots, in their order."""
+    # a failed attempt that is kept is only made with its slot
+    renewed = {slot for slot, state in todo.items() if state.todo in (IMAGES, SENTENCES) and recipe.keep_failures == "none"}
+    records = {slot: record for slot, record in dataset.records(recipe) if slot in renewed} if renewed else {}
+    root, code = str(dataset.root.resolve()), code_version()
+    return deque(SlotJob(root, recipe, slot, code, records.get(slot)) for slot in todo)
 
 
 def slot_worker() -> Callable[[SlotJob], Steps[SlotRecord]]:
@@ -127,11 +139,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
     recipe, slot = job.recipe, job.slot
     lost = {one.attempt: one for one in job.lost}
     phases, rows, sha, known = Phases(), list[dict[str, Any]](), "", FileFacts()
-    perform: Perform | None = None
-    if recipe.corrections is not None:
-        from pipeline.evaluate.correct import Correction  # policies take a second to import
-
-        perform = Correction(recipe)
+    demonstrator = demonstrator_of(recipe)
     remove(dataset.episode(slot))
     remove_failures(dataset, slot)
     for number in range(recipe.attempts):
@@ -144,7 +152,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
             continue
         yield number
         try:
-            rollout = attempt(spec, recipe, phases, perform)
+            rollout = attempt(spec, recipe, phases, demonstrator)
             if recipe.view == "unoccluded":
                 require_view(rollout, recipe)
         except Failure as failure:
@@ -153,7 +161,7 @@ def _from_nothing(dataset: Dataset, job: SlotJob, keys: SlotKeys) -> Generator[i
             row |= asdict(failure.drawn) if failure.drawn else {}
             row["seconds"] = time.perf_counter() - began
             keep_last_frames(dataset, recipe, slot, number, failure)
-            if kept := keep_failure(dataset, recipe, Failed(slot, number, failure, keys), phases):
+            if kept := keep_failure(dataset, recipe, Failed(slot, number, failure, keys, demonstrator), phases):
                 row["kept"] = kept
         else:
             images = draw(dataset, rollout.scene, rollout.replay.log, recipe, phases)

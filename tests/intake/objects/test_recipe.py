@@ -13,9 +13,9 @@ from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.draft import Options
-from pipeline.run.build import provenance
 from pipeline.run.identity.slot_keys import slot_keys
 from pipeline.run.names import resolve
+from pipeline.run.provenance import provenance
 from pipeline.stages.scene import build_scene
 from pipeline.tasks import TASKS, Draw
 from pipeline.tasks.contract import UndeclaredFamily

@@ -1,0 +1,75 @@
+"""What stands beside the road of a build: its progress, its metrics, and the early stop of cells."""
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pipeline.crew.contract import Crew
+from pipeline.crew.progress import SHOWN, Kind, Metrics, Progress
+from pipeline.data.dataset import Dataset
+from pipeline.data.recipe.cells import Slot
+from pipeline.data.recipe.model import Recipe
+from pipeline.data.records import SlotRecord
+from pipeline.data.store.urls import with_urls
+from pipeline.planning.warm import is_compiled, warm_up
+from pipeline.run.early_stop import EarlyStop
+from pipeline.run.plan import cost_of
+from pipeline.run.slot.fill import SlotJob
+
+
+class Watch:
+    """Sees every slot that ends: counts it, shows it, and says which jobs may start then."""
+
+    def __init__(self, progress: Progress, metrics: Metrics, early_stop: EarlyStop) -> None:
+        self.progress, self._metrics, self.early_stop = progress, metrics, early_stop
+        self._reported = 0
+        self._report_stopped()
+
+    def finish(self, slot: Slot, record: SlotRecord) -> list[SlotJob]:
+        """Count a slot that ended, and return the jobs that may start now."""
+        self.progress.add(record.attempts)
+        self._metrics.add(record.attempts, record.phases)
+        ready = self.early_stop.finish(slot, record.attempts)
+        self._report_stopped()
+        return ready
+
+    def count_lost(self) -> None:
+        """Count a lost worker."""
+        self.progress.count_lost()
+        self._metrics.count_lost()
+
+    def _report_stopped(self) -> None:
+        """Report the cells that were stopped since the last report."""
+        for stop in self.early_stop.stops[self._reported :]:
+            self.progress.count_stopped(stop.cell.path, stop.slots, stop.because)
+            self.progress.write_line(stop.describe())
+        self._reported = len(self.early_stop.stops)
+
+
+@contextmanager
+def watching(dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew, shown: Kind) -> Iterator[Watch]:
+    """The watch over a build; jobs that must wait for the judgement of their cells are taken away."""
+    wanted = sum(recipe.counts().values())
+    progress = SHOWN[shown](wanted, wanted - len(jobs))
+    try:
+        _announce(progress, dataset, recipe, jobs, crew)
+        yield Watch(progress, Metrics(crew), EarlyStop(dataset, recipe, jobs))
+    finally:
+        progress.close()
+
+
+def _announce(progress: Progress, dataset: Dataset, recipe: Recipe, jobs: deque[SlotJob], crew: Crew) -> None:
+    """Print what will be made, and compile once what each worker would compile."""
+    if not jobs:
+        return
+    cost = cost_of(dataset, recipe)
+    progress.write_line(
+        f"episodes to make: {len(jobs):,}, in {with_urls(str(dataset.root))}; {cost.describe(len(jobs), crew.workers)}. "
+        "Ctrl-C stops; rerun the same command to resume"
+    )
+    if not is_compiled():
+        progress.show_activity("compiling, once, about 20 s")
+        if crew.executor != "inline":
+            warm_up(jobs[0].slot.cell.embodiment)
+    if crew.executor != "inline":
+        progress.show_activity(f"starting {crew.workers} workers")
