@@ -36,6 +36,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.formats.lerobot.format import CLOCK_FEATURES, data_columns, features_of, image_key
 from pipeline.export.shared.episodes import exported_cameras, read_facts, reading
+from pipeline.export.shared.record import check_export
 from pipeline.export.shared.video import Codec, encode
 from pipeline.motion.planar.motion import PlanarMotion
 from pipeline.poses import pose
@@ -175,7 +176,7 @@ def rows_of(paths: list[Path], root: Path) -> list[Row]:
         job = Job(root, out, paths, exporter.options(**REQUIRED.get(name, {})))
         exporter.export(replace(job, episodes=paths[:1]))  # imports and encoder start-up are no cost of an episode
         row = Row(name, partial(exporter.export, job), floors.get(name, copying), out)
-        rows += [row, Row(f"{name}: check", partial(exporter.check, root, out, paths))]
+        rows += [row, Row(f"{name}: check", partial(check_export, root, out, paths))]
     compressed = Job(root, root / "exports" / "compressed", paths, EXPORTERS["aloha"].options(compress="jpeg"))
     rows.append(Row("aloha --compress jpeg", partial(EXPORTERS["aloha"].export, compressed), copying, compressed.out))
     rows.append(Row("by lerobot: add_frame, save_episode", partial(by_lerobot, paths, root), encoding, root / "by_lerobot"))

@@ -54,8 +54,9 @@ def open_dataset(path: Place) -> "Dataset":
 
 
 def verify(dataset: Place, *, workers: int = 1, again: int = 0) -> dict[str, Any]:
-    """Check every file of a dataset against what was written, and make `again` of its episodes again; `ok` is true if nothing
-    differs, `problems` has a line for whatever does.
+    """Check every file of a dataset against what was written, and make `again` of its episodes again.
+
+    `ok` is true if nothing differs; `problems` has a line for whatever does.
 
     Raises DatasetError if there is no dataset.
     """

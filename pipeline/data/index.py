@@ -54,8 +54,9 @@ class DamagedIndex(Exception):
 
 @contextmanager
 def _faults(path: Path) -> Iterator[None]:
-    """Raise OSError for a disk that refuses, ValueError for values that are not those of their columns, DamagedIndex for everything
-    else that is wrong with the file."""
+    """Raise OSError for a disk that refuses, and ValueError for values that do not fit their columns.
+
+    Everything else that is wrong with the file is a DamagedIndex."""
     disk = {sqlite3.SQLITE_FULL: errno.ENOSPC, sqlite3.SQLITE_IOERR: errno.EIO, sqlite3.SQLITE_READONLY: errno.EROFS}
     disk |= {sqlite3.SQLITE_CANTOPEN: errno.EACCES, sqlite3.SQLITE_BUSY: errno.EBUSY, sqlite3.SQLITE_PERM: errno.EACCES}
     try:

@@ -67,10 +67,10 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class SlotRecord:
-    """A finished slot: its keys, whether it was accepted, the sha256 of its file (the episode, or
-    the note that it was given up), every attempt as a row of ATTEMPTS, and seconds by phase.
+    """A finished slot: its keys, and whether it was accepted.
 
-    A variant has no attempts of its own. A record from the index has the sum of its phases.
+    `sha256` is that of its file: the episode, or the note that it was given up. Every attempt is a
+    row of ATTEMPTS; `phases` are seconds. A variant has no attempts of its own. A record from the index has the sum of its phases.
     """
 
     keys: SlotKeys

@@ -76,7 +76,7 @@ class Listing:
         return found
 
     def unknown(self, rows: Rows) -> Iterator[tuple[Slot, bool]]:
-        """Slots of the recipe that have a file and no row that says so, and whether it is an episode. A note that a slot was given
+        """Slots of the recipe that have a file and no row, and whether it is an episode. A note that a slot was given
         up is none beside an episode: that was written later."""
         known = [set[str]() for _ in self._files]
         for rank, name in zip(rows.ranks.tolist(), _names(rows), strict=True):

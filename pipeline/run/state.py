@@ -92,8 +92,10 @@ def states(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, SlotState]]
 
 
 def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot, SlotState]:
-    """The physical slots of a recipe that are not done, in order, after a look at every file: one that was written since it was
-    last read is read, and its slot made again if it has other bytes; so is one whose stored failures are missing."""
+    """The physical slots of a recipe that are not done, in order, after a look at every file.
+
+    A file that was written since it was last read is read, and its slot made again if it has other
+    bytes. So is a slot whose stored failures are missing."""
     damaged, rows = writer.catch_up(), writer.index.rows(recipe, "assets")
     rows = rows.where(rows.variants == 0)
     there = Listing(dataset.episodes, recipe).there(rows)

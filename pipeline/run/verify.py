@@ -89,7 +89,7 @@ def _files_of(dataset: Dataset) -> Iterator[str]:
 
 @dataclass
 class Known:
-    """What recipe and index say of a dataset's files, by path: nothing if the recipe was edited.
+    """What recipe and index state about a dataset's files, by path: nothing if the recipe was edited.
 
     `hashes` are sha256, `strays` belong to no slot, `current` are up to date with the code; `problems`
     concern files that are missing or belong elsewhere. `stale` and `open` count slots.

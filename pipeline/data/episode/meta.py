@@ -101,7 +101,9 @@ class _Points(_Record):
 
 class NamedCamera(CameraInfo):
     """A camera that a recipe asks for besides the robot's own: its name, size, field of view, link
-    and pose, or in place of a pose `position` and `look_at`, points (m) in the link or the world."""
+    and pose.
+
+    `position` and `look_at`, points (m) in the link or the world, may stand in place of a pose."""
 
     name: Name
     link: str | None = None

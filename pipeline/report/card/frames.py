@@ -1,4 +1,4 @@
-"""What a card says of the frames: how well they show the target, and how many of them are idle."""
+"""The part of a card about frames: how well they show the target, and how many of them are idle."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,7 +18,7 @@ holds for more than half of these frames of the head camera:
 
 
 def visibility(seen: Sequence[Seen], names: Mapping[str, str]) -> str:
-    """How much of the target the cameras see, by their exported `names`; "" where no episode says."""
+    """How much of the target the cameras see, by their exported `names`; "" if no episode states it."""
     rows = []
     for camera, name in names.items():
         tracked = [one for one in seen if camera in one.visible]
