@@ -33,21 +33,23 @@ class LerobotPolicy:
         self._policy, (self._before, self._after), self._resize = policy, processors, resize
         config = policy.config
         self.sees_state = ENVIRONMENT in (config.input_features or {})
+        # keys are those of the dataset, which the preprocessor may rename to those of the policy
+        maps = [getattr(step, "rename_map", {}) for step in self._before.steps]
+        self._given = {new: old for renamed in maps for old, new in renamed.items()}
+        empty = {f"{IMAGES}empty_camera_{n}" for n in range(getattr(config, "empty_cameras", 0))}
         self._keys: dict[str, tuple[str, tuple[int, int]]] = {}
         for key, feature in (config.image_features or {}).items():
-            name = str(key).removeprefix(IMAGES)
+            if key in empty:
+                continue  # the policy fills it in itself
+            name = str(given := self._given.get(key, key)).removeprefix(IMAGES)
             height, width = feature.shape[-2:]
-            self._keys[key] = (DATASET_CAMERAS.get(name, name), (height, width))
+            self._keys[given] = (DATASET_CAMERAS.get(name, name), (height, width))
         self._at_once = getattr(config, "n_action_steps", 1) if config.n_obs_steps == 1 else 1
-        self.inferences = 0
-        predict: Any = policy.predict_action_chunk
-
-        def counted(*given: Any, **named: Any) -> Any:
-            self.inferences += 1
-            return predict(*given, **named)
-
-        # lerobot's select_action runs the network through this method, once for all actions of its queue
-        policy.predict_action_chunk = counted
+        self.inferences, self._ran = 0, False
+        # whichever method runs the network, some layer of it is called; a queue of actions calls none
+        for layer in policy.modules():
+            if layer is not policy:
+                layer.register_forward_pre_hook(self._note_run)
         self._wanted = Contract(image_sizes=dict(self._keys.values()), chunk=self._at_once)
 
     def reset(self, start: Start) -> None:
@@ -71,15 +73,25 @@ class LerobotPolicy:
 
         batch = self._before(self.batch(observation))
         with torch.inference_mode():
-            actions = [self._after(self._policy.select_action(batch)) for _ in range(self._at_once)]
+            actions = [self._after(self._select(batch)) for _ in range(self._at_once)]
         return torch.cat(actions).to("cpu", torch.float64).numpy()
+
+    def _select(self, batch: dict[str, Any]) -> Any:
+        """The next action (1,A); counts the runs of the network, of any number of steps."""
+        self._ran = False
+        action = self._policy.select_action(batch)
+        self.inferences += self._ran
+        return action
+
+    def _note_run(self, *_: Any) -> None:
+        self._ran = True
 
     def batch(self, observation: Observation) -> dict[str, Any]:
         """What LeRobot's processors are given."""
         import torch
 
         batch: dict[str, Any] = {
-            STATE: torch.from_numpy(np.asarray(observation.joints, np.float32))[None],
+            self._given.get(STATE, STATE): torch.from_numpy(np.asarray(observation.joints, np.float32))[None],
             "task": [observation.instruction],
         }
         for key, (camera, size) in self._keys.items():

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import make_here, policy_name
+from pipeline.evaluate.policies.lerobot import LerobotPolicy
 from pipeline.evaluate.policies.policy import Observation, PolicyError, Start
 from pipeline.evaluate.policies.robotwin_env import RobotwinRobot
 from pipeline.evaluate.policies.turns import Turns
@@ -319,6 +321,100 @@ def test_a_policy_of_lerobot_answers_what_its_network_says(act_directory):
     by_hand = policy._policy.predict_action_chunk(batch)[0].numpy() * 0.05 + np.arange(14) / 10
     assert answer.shape == (50, 14)
     np.testing.assert_allclose(answer, by_hand[:50], atol=1e-5)
+
+
+def test_a_diffusion_policy_of_lerobot_is_charged_once_for_its_actions():
+    """The network runs many times for an answer, and looks at two observations."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("diffusers")
+    pytest.importorskip("lerobot")
+    from lerobot.configs import FeatureType, PolicyFeature
+    from lerobot.policies.diffusion.configuration_diffusion import DiffusionConfig
+    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+    torch.manual_seed(0)
+    config = DiffusionConfig(
+        input_features={
+            "observation.state": PolicyFeature(FeatureType.STATE, (14,)),
+            "observation.images.cam_high": PolicyFeature(FeatureType.VISUAL, (3, 64, 64)),
+        },
+        output_features={"action": PolicyFeature(FeatureType.ACTION, (14,))},
+        device="cpu",
+        horizon=8,
+        n_action_steps=2,
+        down_dims=(8, 16),
+        n_groups=2,
+        kernel_size=3,
+        diffusion_step_embed_dim=8,
+        spatial_softmax_num_keypoints=2,
+        num_inference_steps=2,
+        crop_shape=None,
+        pretrained_backbone_weights=None,
+    )
+    one, image = torch.ones(14), torch.ones(3, 1, 1)
+    stats = {
+        "observation.state": {"min": -one, "max": one},
+        "observation.images.cam_high": {"mean": image * 0.5, "std": image * 0.25},
+        "action": {"min": -one, "max": one},
+    }
+    policy = LerobotPolicy(
+        get_policy_class("diffusion")(config).eval(), make_pre_post_processors(config, dataset_stats=stats), False
+    )
+    policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (64, 64)}))
+    counts = []
+    for n in range(5):
+        assert policy.act(look(time=n / 15, head_camera=np.zeros((64, 64, 3), np.uint8))).shape == (1, 14)
+        counts.append(policy.inferences)
+    assert counts == [1, 1, 2, 2, 3]
+
+
+def test_a_network_is_charged_however_it_is_run_and_cameras_may_be_renamed_or_empty():
+    """As SmolVLA's: select_action calls a method of its own, which runs layers and not a forward of the policy."""
+    torch = pytest.importorskip("torch")
+
+    class Network(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            shapes = {"observation.images.camera1": (3, 24, 32), "observation.images.empty_camera_0": (3, 8, 8)}
+            images = {key: SimpleNamespace(shape=shape) for key, shape in shapes.items()}
+            self.config = SimpleNamespace(
+                image_features=images, input_features={}, output_features={}, n_obs_steps=1, n_action_steps=2, empty_cameras=1
+            )
+            self.inner, self.queue = torch.nn.Sequential(torch.nn.Linear(14, 14)), []
+
+        def reset(self):
+            self.queue.clear()
+
+        def sample_actions(self, batch):
+            assert set(batch) == {"observation.state", "task", "observation.images.camera1"}
+            return [self.inner[0](batch["observation.state"]) for _ in range(5)]
+
+        def select_action(self, batch):
+            self.queue = self.queue or self.sample_actions(batch)
+            return self.queue.pop()
+
+    rename = {"observation.images.cam_high": "observation.images.camera1"}
+
+    class Renaming:
+        steps = (SimpleNamespace(rename_map=rename), SimpleNamespace())
+
+        def reset(self): ...
+
+        def __call__(self, batch):
+            return {rename.get(key, key): value for key, value in batch.items()}
+
+    class Unchanged(Renaming):
+        def __call__(self, action):
+            return action
+
+    policy = LerobotPolicy(Network(), (Renaming(), Unchanged()), False)
+    policy.reset(Start("press", "aloha-agilex", NAMES, 15, ("head_camera",), 0, {"head_camera": (24, 32)}))
+    counts = []
+    for _ in range(4):
+        assert policy.act(look(head_camera=np.zeros((24, 32, 3), np.uint8))).shape == (2, 14)
+        counts.append(policy.inferences)
+    # five actions a run, two of them an answer
+    assert counts == [1, 1, 2, 2]
 
 
 def test_a_policy_of_lerobot_is_evaluated(act_directory):
