@@ -1,14 +1,30 @@
-"""The rooms of the code and which room imports which, drawn from the import graph.
+"""The rooms of the code: their size, what one call of a verb goes through, and which room imports which.
 
-python -m benchmarks.house docs/architecture.png
+    python -m benchmarks.house                          files, lines and characters by room; functions and files of three verbs
+    python -m benchmarks.house docs/architecture.png    the picture of the import graph
+
+A function counts if it is ours and is called at least once, in a process of its own for every verb: a build of one slot, the
+evaluation of a policy on one scene, and an export of one episode. A file counts if one of its functions does.
 """
 
+import inspect
+import subprocess
 import sys
+import threading
 import tomllib
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import CodeType, FrameType
 
 import grimp
 import matplotlib.pyplot as plt
+
+import domino_data
+from pipeline.crew.contract import Crew
+from pipeline.data.dataset import Dataset
+from pipeline.run.build import build
+from pipeline.run.export import Request, export
+from pipeline.run.names import recipe_from
 
 FLOORS = ({"domino_data"}, {"training.ladder", "training.puma"})
 """What is above pipeline/, from the top."""
@@ -54,5 +70,66 @@ def draw(out: Path) -> None:
     figure.savefig(out)
 
 
+def sizes() -> list[tuple[str, int, int, int]]:
+    """Of every room of pipeline/: its name, files, lines and characters; the sum last."""
+    found = dict[str, list[str]]()
+    for path in sorted(Path("pipeline").rglob("*.py")):
+        found.setdefault(path.parts[1] if len(path.parts) > 2 else "(helpers)", []).append(path.read_text())
+    rows = [(room, len(texts), sum(t.count("\n") for t in texts), sum(map(len, texts))) for room, texts in found.items()]
+    _, files, lines, characters = zip(*rows, strict=True)
+    return [*rows, ("pipeline", sum(files), sum(lines), sum(characters))]
+
+
+VERBS = ("build", "evaluate", "export")
+
+
+def follow(verb: str, root: Path) -> tuple[int, int]:
+    """Functions of ours that a verb calls, and the files that they are in. The dataset is below `root`, built by "build"."""
+    recipe = recipe_from({"tasks": "click_bell", "embodiments": "aloha", "levels": 1, "episodes": 1, "render": "raster-fast"})
+    called, mine = set[CodeType](), str(Path("pipeline").resolve())
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        # not the bodies of modules and classes
+        if event == "call" and code.co_flags & inspect.CO_OPTIMIZED and code.co_filename.startswith(mine):
+            called.add(code)
+
+    def work() -> object:
+        if verb == "build":
+            return build(root / "set", recipe, Crew(), shown="none")
+        if verb == "export":
+            return export(Dataset(root / "set"), Request("parquet"))
+        return domino_data.evaluate("static", recipe, root / "scores", episodes=1)
+
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    named = {code for code in called if not code.co_name.startswith("<")}
+    return len(named), len({code.co_filename for code in named})
+
+
+def print_table() -> None:
+    """Print both tables."""
+    print("| room | files | lines | characters |\n|---|---:|---:|---:|")
+    for row in sizes():
+        print(f"| {row[0]} | {row[1]} | {row[2]:,} | {row[3]:,} |")
+    print("\n| one call | functions | files |\n|---|---:|---:|")
+    with TemporaryDirectory() as folder:
+        for verb in VERBS:
+            command = [sys.executable, "-m", "benchmarks.house", verb, folder]
+            last = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1]
+            print(f"| {verb} | {' | '.join(last.split())} |", flush=True)
+
+
 if __name__ == "__main__":
-    draw(Path(sys.argv[1]))
+    match sys.argv[1:]:
+        case []:
+            print_table()
+        case [verb, folder] if verb in VERBS:
+            print(*follow(verb, Path(folder)))
+        case [out]:
+            draw(Path(out))

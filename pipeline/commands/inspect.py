@@ -17,13 +17,23 @@ MOST_AGAIN = 1_000_000
 SHOWN = 40  # problems that are printed for a person; --json prints all
 
 
-def status(dataset: Root, as_json: AsJson = False) -> None:
+def status(
+    dataset: Root,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read the index again from all files first.")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Show what a dataset holds and what went wrong."""
+    from pipeline.data.reread import rebuild_index
+    from pipeline.data.store.lock import exclusive
     from pipeline.run.state import redo_lines
     from pipeline.run.status import status as run_status
     from pipeline.stages.reasons import Reason
 
     source = Dataset(dataset)
+    if rebuild:
+        recipe = source.recipe()
+        with exclusive(source.root):
+            rebuild_index(source, recipe).close()
     values = run_status(source)
     lines = [f"{source.manifest}: {EDITED}"] if values["edited"] else []
     lines += [

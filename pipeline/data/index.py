@@ -108,6 +108,10 @@ class Index:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     def add(self, entries: Iterable[tuple[Slot, SlotRecord]]) -> None:

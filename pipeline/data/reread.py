@@ -43,7 +43,7 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
     except DamagedIndex:
         pass
     try:
-        with exclusive(dataset.root), rebuild(dataset, recipe()) as index:
+        with exclusive(dataset.root), rebuild_index(dataset, recipe()) as index:
             return question(index)
     except (Busy, OSError) as error:
         if isinstance(error, OSError) and error.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
@@ -53,7 +53,7 @@ def ask_index[T](dataset: Paths, recipe: Callable[[], Recipe], question: Callabl
         return question(index)
 
 
-def rebuild(dataset: Paths, recipe: Recipe) -> Index:
+def rebuild_index(dataset: Paths, recipe: Recipe) -> Index:
     """Make the index of a dataset again from its files, for the command that writes it. Raises OSError."""
     with atomic_path(dataset.index) as temporary:
         with Index(temporary, new=True) as index:
@@ -73,20 +73,20 @@ class IndexWriter:
         try:
             self.index = Index(dataset.index)
         except DamagedIndex:
-            self.index = rebuild(dataset, recipe)
+            self.index = rebuild_index(dataset, recipe)
 
     def __enter__(self) -> "IndexWriter":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.index.__exit__()
+        self.index.close()
 
     def add(self, slot: Slot, record: SlotRecord) -> None:
         """Write a slot that ended. Raises OSError if the disk refuses."""
         try:
             self.index.add([(slot, record)])
         except DamagedIndex:
-            self.index = rebuild(self._dataset, self._recipe)
+            self.index = rebuild_index(self._dataset, self._recipe)
             self.index.add([(slot, record)])
 
     def catch_up(self) -> set[Slot]:

@@ -23,7 +23,7 @@ from pipeline.data.index import FULL, DamagedIndex, Index
 from pipeline.data.keys import Key, SlotKeys, file_hash
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.records import ATTEMPTS, FileFacts, SlotRecord, pack_keys, retimed, slot_part, unpack_keys, untimed
-from pipeline.data.reread import IndexWriter, rebuild
+from pipeline.data.reread import IndexWriter, rebuild_index
 from tests.recording import record_all
 from tests.synthetic import make_episode
 
@@ -347,7 +347,7 @@ def test_episodes_of_version_0_1_have_their_attempts_from_its_table(tmp_path):
     assert not found[third].accepted and found[third].keys == keys_of(third) and len(found[third].attempts) == 2
     assert dataset.file(third, False).exists()
     shutil.rmtree(dataset.root / "ledger")
-    rebuild(dataset, RECIPE).__exit__()
+    rebuild_index(dataset, RECIPE).close()
     assert known(dataset) == found
 
 
