@@ -32,8 +32,8 @@ class Limits:
     """What a child may take: bytes of memory beyond its imports, seconds of processor and wall time, bytes of a file."""
 
     memory: int = 3 << 30
-    processor: int = 300
-    wall: float = 900.0
+    processor: int = 600
+    wall: float = 1800.0
     file: int = 1 << 30
 
 
