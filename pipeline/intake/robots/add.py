@@ -116,6 +116,8 @@ def draft_robot(source: Path, options: Options) -> Draft:
     for given in (source, options.gripper or source):
         if not given.exists():
             raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
+        if not (given.is_file() or given.is_dir()):
+            raise RobotError(f"{given}: is no regular file")
     hints, urdf = Hints(options.base, options.jaw), None
     if source.is_dir() and (source / CONFIG).is_file():
         urdf, hints = read_config(source, options.base)

@@ -1,5 +1,6 @@
 """Reads an MJCF, MuJoCo's own format, as the links, joints and mimic rules of a URDF. MuJoCo itself compiles the file."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path, PureWindowsPath
@@ -22,6 +23,7 @@ from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobo
 
 MJCF = (".xml", ".mjcf")
 GREY = (0.5, 0.5, 0.5)  # MuJoCo's colour of a geom that has none
+REPLICAS, HEIGHTS = 10_000, 4_000_000  # of a file at most
 
 type Floats = NDArray[np.float64]
 
@@ -199,6 +201,7 @@ def _check_files(path: Path, root: Path) -> None:
         document = read_xml(file)
         if file == path.resolve() and document.tag != "mujoco":
             raise UrdfError(f"{path}: is no MJCF: its first element is <{document.tag}>, not <mujoco>")
+        _check_size(path, document)
         compilers = list(document.iter("compiler"))
         folders = {v for c in compilers for key in ("meshdir", "texturedir", "assetdir") if (v := c.get(key))}
         for element in document.iter("*"):
@@ -208,6 +211,17 @@ def _check_files(path: Path, root: Path) -> None:
                     _check_regular(path, one)
                     if element.tag in ("include", "model"):
                         pending.append(one)
+
+
+def _check_size(path: Path, document: Any) -> None:
+    """Refuse what MuJoCo would need gigabytes or minutes for: many replicas, large fields of heights."""
+    for element in document.iter("replicate", "hfield"):
+        replicas = [element, *element.iterancestors("replicate")] if element.tag == "replicate" else []
+        numbers = [one.get("count", "1") for one in replicas] or [element.get("nrow", "0"), element.get("ncol", "0")]
+        total = math.prod(int(text) for text in numbers if text.strip().isdecimal() and len(text) < 12)
+        most = REPLICAS if replicas else HEIGHTS
+        if total > most:
+            raise UrdfError(f"{path}: line {element.sourceline}: <{element.tag}> makes {total} of it; {most} at most")
 
 
 def _check_regular(path: Path, file: Path) -> None:

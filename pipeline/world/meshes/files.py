@@ -128,7 +128,9 @@ def pixels(data: bytes) -> NDArray[np.uint8]:
             if width * height > MAX_PIXELS:
                 raise MeshError(f"has a texture of {width} x {height} pixels; make it smaller")
             small = image.convert("RGBA")
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError as error:
+        raise MeshError("has a texture of too many pixels; make it smaller") from error
+    except (OSError, ValueError, SyntaxError) as error:
         why = " ".join(str(error).split())[:80]
         raise MeshError(f"has a texture that is no image ({why})") from error
     if (scale := TEXTURE / max(width, height)) < 1:

@@ -4,6 +4,7 @@ import io
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -28,7 +29,7 @@ class Glb:
 
     def __init__(self) -> None:
         self.blob = bytearray()
-        self.document = {
+        self.document: dict[str, Any] = {
             "asset": {"version": "2.0"},
             "scenes": [{"nodes": [0]}],
             "nodes": [{"mesh": 0}],
@@ -37,8 +38,8 @@ class Glb:
             "accessors": [],
             "bufferViews": [],
         }
-        self.primitive = self.document["meshes"][0]["primitives"][0]
-        self.surface = self.document["materials"][0]["pbrMetallicRoughness"]
+        self.primitive: dict[str, Any] = self.document["meshes"][0]["primitives"][0]
+        self.surface: dict[str, Any] = self.document["materials"][0]["pbrMetallicRoughness"]
         self.primitive["attributes"]["POSITION"] = self.accessor(SQUARE)
         self.primitive["indices"] = self.accessor(TWO)
 
