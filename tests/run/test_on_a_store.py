@@ -45,7 +45,8 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(built,
             assert sorted(f"sets/bells/{mirror.name(p)}" for p in root.rglob("*") if p.is_file()) == server.names("sets/bells/")
             mirror.fetch_below(root)
             assert not any(is_listed(path) for path in root.rglob("*"))
-            assert contents(root) == contents(built)
+            # seconds are only in the index, and an episode of the killed build has no row there
+            assert contents(root, timed=False) == contents(built, timed=False)
 
         server.accept_only_known_keys()
         code, out, err = inside("status", URL)

@@ -214,7 +214,7 @@ def test_the_file_of_a_checkpoint_is_a_policy(run: Path):
     policy.reset(start())
     np.testing.assert_array_equal(policy.act(seen(0.0)), first)
     with pytest.raises(PolicyError, match="robot: the policy has aloha-agilex, the evaluation piper"):
-        policy.reset(Start("", "piper", (), 15, (), 0))
+        policy.reset(replace(start(), embodiment="piper"))
 
 
 class Numbered(PumaPolicy):
