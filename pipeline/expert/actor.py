@@ -9,6 +9,7 @@ from functools import wraps
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
 from pipeline.data.episode.state_log import SkillRun, StateLog
 from pipeline.planning.failure import PlanFailure
@@ -16,6 +17,7 @@ from pipeline.planning.planner import ArmPlanner, Planner, planner_of
 from pipeline.planning.scene import ArmState, Carried, Obstacle, PlanningScene
 from pipeline.planning.trajectory import ArmTrajectory, smoothed
 from pipeline.poses import Pose, compose, inverse
+from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import NamedFrames
 from pipeline.world.physics.body import Body
 from pipeline.world.physics.recorder import Recorder
@@ -153,7 +155,13 @@ class Actor:
         arms = {s: ArmState(q.copy(), value, np.array(self.expected.get(s, q))) for s, (q, value) in now.items()}
         carried = {name: Carried(side, self.collision(name), self.in_hand(side)) for side, name in self.held.items()}
         still = (name for name, body in self.bodies.items() if not body.rides and name not in carried)
-        return PlanningScene(arms, {name: Obstacle(self.collision(name), self.pose(name)) for name in still}, carried)
+        obstacles = {name: Obstacle(self.collision(name), self.pose(name)) for name in still}
+        return PlanningScene(arms, obstacles, carried, self._sees)
+
+    def _sees(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which world points (N,3) the head camera, a D435, has in its image."""
+        head = cameras_of(self.planner.embodiment)[0]
+        return visible(head.type, head.pose, points)
 
     def arm_planner(self, side: str) -> ArmPlanner:
         """The planner of one arm in the scene as it is now."""
@@ -228,13 +236,18 @@ class Actor:
         return rows[:, : len(still)], rows[:, len(still) :]
 
     def advance(self, command: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """One physics step, recorded. Raises PlanFailure("step_limit") beyond the task's limit."""
+        """One physics step, recorded.
+
+        Raises PlanFailure: step_limit beyond the task's limit, excess_force if the robot presses on something harder than allowed.
+        """
         if self.simulation.steps >= self.max_steps:
             raise PlanFailure("step_limit", f"{self.max_steps} physics steps were not enough")
         self.simulation.step(command, velocity)
         self.recorder.after_step()
         self.stream.commands.append(command)
         self.stream.velocities.append(velocity)
+        for one, other, force in self.simulation.overloads():
+            raise PlanFailure("excess_force", f"{one} and {other} press on each other with {force:.0f} N")
         if self.sweeping and self.simulation.steps % SWEEP_EVERY == 0:
             self.sweep.append(self.simulation.poses())
 

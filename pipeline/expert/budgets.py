@@ -44,6 +44,8 @@ class GraspSearch:
     """Free motions to a standoff that are searched at most."""
     standoff: float = 0.08
     """Length (m) of the straight line on which the open hand comes in."""
+    short: float = 0.004
+    """Length (m) by which that line may end earlier, where fingers would come nearer to the table than MARGINS.obstacles."""
     short_share: float = 0.5
     """Share of it that is enough where the arm does not reach the whole."""
     lift: float = 0.08
@@ -129,6 +131,8 @@ class PlaceSearch:
     """Height (m) from which it comes straight down."""
     press: float = 0.003
     """Distance (m) by which it is pressed beyond the goal."""
+    drop: float = 0.002
+    """Height (m) over the goal at which it may end, if fingers would come to the table further down."""
     height_shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     """Shares of `above` that are tried."""
     height_weight: float = 6.0
@@ -136,11 +140,16 @@ class PlaceSearch:
     draw_back: float = 0.08
     """Distance (m) by which the hand should be able to draw back afterwards."""
     judged: int = 36
-    """Cheapest approaches whose contacts are looked at."""
+    """Approaches whose contacts are looked at together, the cheapest ones first."""
     tries: int = 12
-    """Approaches of these, those with the least contact first, to which a free motion is searched at most."""
-    touch_penalty: int = 4
-    """Penalty of an approach on which the arm touches something; one where open jaws would, or that offers no way back, costs 1."""
+    """Approaches, of each group those with the least contact first, to which a free motion is searched at most."""
+    settling: float = 0.01
+    """Height (m) over the goal down to which the body should touch nothing."""
+    touch_penalty: int = 8
+    """Penalty of an approach on which the arm touches something."""
+    near_penalty: int = 3
+    """Penalty of one on which it comes nearer than MARGINS.obstacles, and of one on which the body touches something on its way;
+    where open jaws would touch something, or there is no way back, it is 1."""
 
 
 @dataclass(frozen=True)

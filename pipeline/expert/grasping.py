@@ -1,6 +1,6 @@
 """Choice of a grasp: all annotated candidates are solved at once, then the cheapest one that can be reached is taken."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.expert.actor import Actor
-from pipeline.expert.budgets import GRASP
+from pipeline.expert.budgets import GRASP, HAND_OVER
+from pipeline.expert.lines import ending_clear
 from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import limit_margin
@@ -102,6 +103,7 @@ class GraspChoice:
     """The candidates of one body in one scene, cheapest first, and what is known of each.
 
     `pieces` are the collision pieces of the body `name` in its own frame, `checks` hold for each gripper value of GRASP.openings.
+    `parts` tells whether a hand that holds the body now can open and draw back from joints (n,) of this arm, its jaws at a value.
     """
 
     arm: ArmPlanner
@@ -110,6 +112,7 @@ class GraspChoice:
     found: _Candidates
     checks: dict[float, _Checks]
     goals: Sequence[Sequence[Pose]]
+    parts: Callable[[Floats, float], bool]
 
     def lines(self) -> dict[int, Floats]:
         """By candidate, cheapest first: joints (K,n) straight in from the standoff, where the hand can rise from the grasp then."""
@@ -125,7 +128,12 @@ class GraspChoice:
         """Whether the jaws, at `jaws`, are wide enough for candidate i and the hand touches nothing from its standoff on."""
         room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
         checks = self.checks[jaws]
-        return self.found.grasps[i // 2].width <= room and checks.closing(line) and checks.standing(self.found.q[i])
+        free = self.found.grasps[i // 2].width <= room and checks.closing(line) and checks.standing(self.found.q[i])
+        return free and self.parts(line[-1], self._closed(i))
+
+    def _closed(self, i: int) -> float:
+        """The gripper value with which candidate i holds the body."""
+        return min(1.0, self.found.grasps[i // 2].width / self.found.opening)
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
         """Whether candidate i leaves room to other bodies on its line in and above, and leads to a pose of every goal."""
@@ -133,7 +141,7 @@ class GraspChoice:
         if risen is None or not passing(line) or not passing(risen):
             return False
         held = Carried(self.arm.side, self.pieces, inverse(self.found.local[i]))
-        closed = min(1.0, self.found.grasps[i // 2].width / self.found.opening)
+        closed = self._closed(i)
         return all(_leads_to(self.arm, self.name, held, line[-1], closed, np.asarray(goal)) for goal in self.goals)
 
     def promising(self, tries: int = GRASP.tries) -> bool:
@@ -158,8 +166,24 @@ def search_of(actor: Actor, arm: ArmPlanner, name: str, at: Pose, options: Grasp
     """
     found = _candidates(arm, name, at, actor.frames(name).grasps, options, actor.avoid.get(name, []))
     touched = [name] if options.leading or name in arm.scene.obstacles else []
-    checks = {jaws: _checks(arm, [(arm.side, other) for other in ("table", *touched)], jaws) for jaws in GRASP.openings}
-    return GraspChoice(arm, name, actor.collision(name), found, checks, options.goals)
+    near = [(arm.side, other) for other in ("table", *touched)]
+    hands = MARGINS.hands if name in arm.scene.carried else MARGINS.arms
+    checks = {jaws: _checks(arm, near, jaws, hands) for jaws in GRASP.openings}
+    return GraspChoice(arm, name, actor.collision(name), found, checks, options.goals, _parting(arm, name))
+
+
+def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
+    """The test `parts` of a GraspChoice of body `name` in the scene of `arm`."""
+    held = arm.scene.carried.get(name)
+    if held is None or held.side == arm.side:
+        return lambda q, jaws: True
+    giver = arm.planner.arm(held.side, arm.scene, arm.rng)
+    there = arm.scene.arms[held.side].expected
+    back = giver.line(there, backed_off(giver.fk(there), HAND_OVER.draw_back))
+    rows, hands = there[None] if back is None else back, arm.planner.world.between_arms({}, MARGINS.hands)
+    if arm.side == "left":
+        return lambda q, jaws: hands.first_blocked(q, rows, (jaws, 1.0)) is None
+    return lambda q, jaws: hands.first_blocked(rows, q, (1.0, jaws)) is None
 
 
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
@@ -208,7 +232,9 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
             if tries <= 0:
                 break
         else:
-            return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, line)
+            table = arm.bare().checker(jaws=jaws, hands=MARGINS.hands)
+            ending = ending_clear(line, table, 1 - GRASP.short / options.standoff)
+            return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, line if ending is None else ending)
     blocked = "grasp_blocked" if lines else "grasp_unreachable"
     tcp = found.tcp[found.order]
     raise PlanFailure(blocked, f"no grasp of {name} can be reached by the {arm.side} arm without touching something", arm, tcp)
@@ -263,12 +289,14 @@ def _fitting(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: Gr
     return grasps, np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))]), opening
 
 
-def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float) -> _Checks:
-    """`near` are the pairs that may touch where there must be room otherwise."""
+def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands: float) -> _Checks:
+    """`near` are the pairs that may touch where there must be room otherwise.
+
+    `hands` (m) is the gap between the two hands on the line in."""
     return _Checks(
-        closing=arm.checker(jaws=jaws, margin=MARGINS.contact),
+        closing=arm.checker(jaws=jaws, margin=MARGINS.contact, hands=hands),
         standing=arm.checker(jaws=jaws),
-        passing=arm.checker(near, jaws=jaws, margin=GRASP.passing),
+        passing=arm.checker(near, jaws=jaws, margin=GRASP.passing, hands=hands),
     )
 
 

@@ -15,7 +15,7 @@ LAG = (WINDOW - 1) / 2 / PHYSICS_HZ
 STIFFNESS = 40.0
 """1/s; how fast a small remaining distance is closed."""
 
-BRAKING = 0.7
+BRAKING = 0.35
 """Share of the acceleration limit that is counted on for coming to rest."""
 
 

@@ -72,6 +72,24 @@ class PathBudget:
 
 
 @dataclass(frozen=True)
+class Detours:
+    """How long the way (m) of the tcp on a free motion may be, against the straight line from its start to its end."""
+
+    ratio: float = 1.5
+    slack: float = 0.25
+    """Longer than ratio times the straight line and slack is a detour, and no motion."""
+
+    searches: int = 3
+    """Paths searched in all where the first is a detour or takes what is carried out of the head camera's view."""
+
+    unseen: float = 1.0
+    """Metres of a detour that one metre out of view is worth."""
+
+    resolution: float = 0.1
+    """Distance (rad or m) between states at which the tcp is looked at, in the joint that moves most."""
+
+
+@dataclass(frozen=True)
 class MotionLimits:
     """What planned motions ask of the joints. All limits hold for differences of commands at the physics rate."""
 
@@ -87,8 +105,12 @@ class MotionLimits:
     jerk: float = 240.0
     """rad/s3 or m/s3. Commands are averaged over twice the acceleration limit divided by this: 0.05 s."""
 
-    deviation: float = 0.01
-    """Largest distance (rad or m) of a rounded corner from the checked polyline."""
+    deviations: tuple[float, ...] = (0.01, 0.003, 0.0005)
+    """Largest distance (rad or m) of a rounded corner from the checked polyline. The rounded path is checked again:
+    where it touches something, the next one is taken."""
+
+    checked_every: int = 6
+    """Rows between two states at which a timed motion is checked: 25 ms."""
 
     same: float = 1e-6
     """Waypoints closer than this (rad or m) in every joint are one."""
@@ -105,7 +127,7 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class Margins:
-    """Gaps (m) between the robot with what it carries and everything else."""
+    """Gaps (m) between the robot with what it carries and everything else, and between its arms."""
 
     obstacles: float = 0.002
     """Free motions keep this gap."""
@@ -113,9 +135,16 @@ class Margins:
     contact: float = 0.0
     """Motions into and out of contact keep no gap: fingers pass the table within 3 mm when they grasp low bodies."""
 
+    arms: float = 0.015
+    """Between links of the two arms, whatever they do: 1 cm, and what drives and the rounding of corners may be off."""
+
+    hands: float = 0.003
+    """Between the links of two hands where one takes a body from the other, and until they have drawn apart."""
+
 
 IK = IkBudget()
 LINE = LineSampling()
 PATH = PathBudget()
+DETOURS = Detours()
 LIMITS = MotionLimits()
 MARGINS = Margins()

@@ -33,7 +33,8 @@ class CollisionWorld:
     """Robot, table and furniture, ready to be joined with objects. Immutable: build it once per embodiment.
 
     `names` are the owners of pieces, first `links` arm links; `groups` maps group names to link names; `hands` maps a side to
-    (frame index, tcp pose in that frame); `pairs` (M,2) are the piece pairs to check.
+    (frame index, tcp pose in that frame); `pairs` (M,2) are the piece pairs to check. `sides` (links,) numbers the arm of each
+    link, `handlike` (links,) says which ones belong to a hand.
     """
 
     def __init__(self, embodiment: Embodiment, table: Sequence[Collider] = (TABLE_COLLISION,)) -> None:
@@ -48,6 +49,8 @@ class CollisionWorld:
         entries += [(self.names.index(n), 0, c, IDENTITY) for n, pieces in still.items() for c in pieces]
         self.pieces: Pieces = pieces_of(entries)
         self.groups, self.hands = _groups(self.arms, self.frames, placed)
+        self.sides = np.array([k for k, side in enumerate(self.arms) for name in placed if name in self.groups[side]])
+        self.handlike = np.array([any(name in self.groups[f"{side}_hand"] for side in self.arms) for name in placed])
         self.pairs: Ints = self._fixed_pairs()
 
     def _fixed_pairs(self) -> Ints:
@@ -72,12 +75,14 @@ class CollisionWorld:
         *,
         ignore: Iterable[tuple[str, str]] = (),
         margin: float = MARGINS.obstacles,
+        hands: float = MARGINS.arms,
     ) -> "CollisionScene":
         """Scene with still `objects` name -> (pieces, world pose) and `carried` ones name -> (side, pieces, pose in the tcp frame).
 
         A carried object never collides with the hand and fingers that carry it. `ignore` holds pairs of names or group names
         that may touch, for example ("left_fingers", "can") while grasping or ("can", "table") while lifting. `margin` (m) is the
-        gap kept between the robot with what it carries and everything else; robot links may come as close as they like.
+        gap kept between the robot with what it carries and everything else, also between a carried object and the other arm. Links
+        of different arms keep MARGINS.arms, those of two hands `hands` (m); links of one arm may come as close as they like.
         Raises ValueError for a name that is not there, or an object name that is taken.
         """
         objects, carried = objects or {}, carried or {}
@@ -98,7 +103,48 @@ class CollisionWorld:
             allowed[np.ix_(i, j)] = allowed[np.ix_(j, i)] = False
         owners = pieces.owner[pairs]
         wanted = allowed[owners[:, 0], owners[:, 1]]
-        return CollisionScene(self, pieces, _grouped(pieces, pairs[wanted], len(names), self.links, margin))
+        return CollisionScene(self, pieces, self._grouped(pieces, pairs[wanted], len(names), (margin, hands)))
+
+    def between_arms(
+        self, carried: Mapping[str, tuple[str, Sequence[Collider], Pose]], hands: float = MARGINS.arms
+    ) -> "CollisionScene":
+        """Scene in which nothing counts but the arms, with what they carry, against each other; see `with_objects`.
+
+        What is carried may touch the other hand and what that one carries, but not the rest of the other arm.
+        """
+        sides = {name: side for name, (side, _, _) in carried.items()}
+        ignore = [(name, still) for name in (*self.arms, *sides) for still in ("table", "furniture")]
+        ignore += [(side, side) for side in self.arms]
+        for name, own in sides.items():
+            ignore += [(name, own), *((name, f"{side}_hand") for side in self.arms), *((name, other) for other in sides)]
+        return self.with_objects({}, carried, ignore=ignore, margin=MARGINS.contact, hands=hands)
+
+    def _grouped(self, pieces: Pieces, pairs: Ints, owners: int, margins: tuple[float, float]) -> "Pairs":
+        """Sort piece pairs by the pairs of owners they belong to. `margins` are those of objects and of two hands."""
+        frame, balls = np.zeros(owners, np.int64), np.zeros((owners, 4))
+        frame[pieces.owner] = pieces.frame
+        lower, upper = np.full((owners, 3), np.inf), np.full((owners, 3), -np.inf)
+        centre, extent = pieces.local[:, 9:], (pieces.bound + pieces.radius)[:, None]
+        np.minimum.at(lower, pieces.owner, centre - extent)
+        np.maximum.at(upper, pieces.owner, centre + extent)
+        balls[pieces.owner, :3] = 0.5 * (lower[pieces.owner] + upper[pieces.owner])
+        np.maximum.at(balls[:, 3], pieces.owner, np.linalg.norm(centre - balls[pieces.owner, :3], axis=1) + extent[:, 0])
+        key = pieces.owner[pairs] @ [owners, 1]
+        order = np.argsort(key, kind="stable")
+        _, starts = np.unique(key[order], return_index=True)
+        pairs = pairs[order]
+        bodies = pieces.owner[pairs[starts]]
+        columns = (np.ascontiguousarray(c) for c in pairs.T)
+        return Pairs(frame, balls, bodies, np.append(starts, len(pairs)), self._margins(bodies, *margins), *columns)
+
+    def _margins(self, bodies: Ints, objects: float, hands: float) -> Floats:
+        """The gap (G,) m that each pair of owners (G,2) keeps."""
+        found = np.full(len(bodies), objects)
+        links = (bodies < self.links).all(axis=1)
+        a, b = bodies[links].T
+        apart = np.where(self.handlike[a] & self.handlike[b], hands, MARGINS.arms)
+        found[links] = np.where(self.sides[a] == self.sides[b], 0.0, apart)
+        return found
 
     def _object_pairs(self, pieces: Pieces, first_carried: int) -> Ints:
         """Still objects against moving links, carried objects against everything that came before them."""
@@ -186,23 +232,3 @@ def _groups(
         groups[f"{side}_hand"] = groups[f"{side}_fingers"] | {n for n, (f, _) in placed.items() if f == frame}
         groups[side] = frozenset(n for n in placed if n.startswith(f"{side}_"))
     return groups, hands
-
-
-def _grouped(pieces: Pieces, pairs: Ints, owners: int, links: int, margin: float) -> Pairs:
-    """Sort piece pairs by owner pair; pairs of two arm links (owners below `links`) have margin 0."""
-    frame, balls = np.zeros(owners, np.int64), np.zeros((owners, 4))
-    frame[pieces.owner] = pieces.frame
-    lower, upper = np.full((owners, 3), np.inf), np.full((owners, 3), -np.inf)
-    centre, extent = pieces.local[:, 9:], (pieces.bound + pieces.radius)[:, None]
-    np.minimum.at(lower, pieces.owner, centre - extent)
-    np.maximum.at(upper, pieces.owner, centre + extent)
-    balls[pieces.owner, :3] = 0.5 * (lower[pieces.owner] + upper[pieces.owner])
-    np.maximum.at(balls[:, 3], pieces.owner, np.linalg.norm(centre - balls[pieces.owner, :3], axis=1) + extent[:, 0])
-    key = pieces.owner[pairs] @ [owners, 1]
-    order = np.argsort(key, kind="stable")
-    _, starts = np.unique(key[order], return_index=True)
-    pairs = pairs[order]
-    bodies = pieces.owner[pairs[starts]]
-    margins = np.where((bodies < links).all(axis=1), 0.0, margin)
-    columns = (np.ascontiguousarray(c) for c in pairs.T)
-    return Pairs(frame, balls, bodies, np.append(starts, len(pairs)), margins, *columns)

@@ -1,6 +1,6 @@
 """From wanted joints or a straight line to timed joint rows, for one arm of a robot while the other one stands still."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.planning.budgets import LIMITS, MARGINS
+from pipeline.data.names import SIDES
+from pipeline.planning.budgets import DETOURS, LIMITS, MARGINS
 from pipeline.planning.collision import CollisionWorld
+from pipeline.planning.course import length_of, longest, tool_way, unseen_length
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import Chain, chain_of, fk, ik_many, ik_path, line_poses
 from pipeline.planning.path import IsFree, connect
@@ -24,6 +26,10 @@ Floats = NDArray[np.float64]
 
 NO_ARM: Floats = np.empty(0)
 """The joints of an arm that the robot does not have."""
+
+
+Apart = Callable[[ArrayLike, ArrayLike], bool]
+"""Whether two arms keep clear of each other along joint rows (K,n) of the left and of the right one."""
 
 
 class JointLimits(NamedTuple):
@@ -41,7 +47,6 @@ class Planner:
         self.embodiment = embodiment
         self.chains: dict[str, Chain] = {side: chain_of(arm) for side, arm in embodiment.arms.items()}
         self.world = CollisionWorld(embodiment)
-        self._alone = self.world.with_objects(margin=MARGINS.contact)
         self.limits = {side: _motion_limits(arm) for side, arm in embodiment.arms.items()}
 
     def arm(self, side: str, scene: PlanningScene, rng: np.random.Generator) -> "ArmPlanner":
@@ -75,9 +80,19 @@ class Planner:
             accelerations.append(np.append(limits.acceleration, LIMITS.acceleration / travel))
         return np.concatenate(speeds), np.concatenate(accelerations)
 
-    def arms_apart(self, left: Floats, right: Floats) -> bool:
-        """Whether the arms do not touch each other, the table or the furniture along joint rows (K,n) of both, NO_ARM for none."""
-        return self._alone.first_blocked(left, right) is None
+    def apart(self, scene: PlanningScene) -> Apart:
+        """The test for arms with what they carry in a scene. One row may stand for all of the other arm's, NO_ARM for
+        the joints of one that does not exist.
+
+        Links keep MARGINS.arms. Hands that stand nearer to each other now, as after a hand-over, must not touch.
+        """
+        left, right = (scene.arms[side].q if side in scene.arms else NO_ARM for side in SIDES)
+        jaws = scene.jaws
+        for hands in (MARGINS.arms, MARGINS.hands, MARGINS.contact):
+            kept = self.world.between_arms(scene.carried, hands)
+            if kept.first_blocked(left, right, jaws) is None:
+                break
+        return lambda left, right: kept.first_blocked(left, right, jaws) is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +128,10 @@ class ArmPlanner:
         """The same arm in another scene."""
         return replace(self, scene=scene)
 
+    def bare(self) -> "ArmPlanner":
+        """The same arm in the scene without bodies: nothing is there but table, furniture and the other arm."""
+        return self.within(replace(self.scene, obstacles={}, carried={}))
+
     def fk(self, q: ArrayLike) -> Pose:
         """World tcp pose (7,) for joints q (n,)."""
         return fk(self.chain, q)
@@ -130,39 +149,83 @@ class ArmPlanner:
         return ik_path(self.chain, line_poses(self.fk(q0), goal), q0)
 
     def checker(
-        self, ignore: Iterable[tuple[str, str]] = (), *, jaws: float | None = None, margin: float = MARGINS.obstacles
+        self,
+        ignore: Iterable[tuple[str, str]] = (),
+        *,
+        jaws: float | None = None,
+        margin: float = MARGINS.obstacles,
+        hands: float = MARGINS.arms,
     ) -> IsFree:
         """`free(q)` for joints (n,) or rows (K,n) among the bodies of the scene, the other arm at its expected joints.
 
         `ignore` lists pairs (side or body, body) that may touch; `jaws` replaces the gripper value of this arm; `margin` (m) is the
-        gap kept from everything that is not the robot.
+        gap kept from everything that is not the robot, `hands` that between its two hands. See CollisionWorld.with_objects.
         """
-        arms = self.scene.arms
-        collision = self.planner.world.with_objects(self.scene.obstacles, self.scene.carried, ignore=tuple(ignore), margin=margin)
-        values = {side: state.gripper for side, state in arms.items()}
+        scene = self.scene
+        collision = self.planner.world.with_objects(
+            scene.obstacles, scene.carried, ignore=tuple(ignore), margin=margin, hands=hands
+        )
+        left, right = scene.jaws
         if jaws is not None:
-            values[self.side] = jaws
-        other = next((state.expected for side, state in arms.items() if side != self.side), NO_ARM)
-        return collision.free(self.side, other, (values.get("left", 1.0), values.get("right", 1.0)))
+            left, right = (jaws, right) if self.side == "left" else (left, jaws)
+        return collision.free(self.side, self._other, (left, right))
 
-    def timed(self, waypoints: Floats, *, minimum: float = 0.0, speed_scale: float = 1.0) -> ArmTrajectory:
+    @property
+    def _other(self) -> Floats:
+        """Where the other arm is expected (n,)."""
+        return next((state.expected for side, state in self.scene.arms.items() if side != self.side), NO_ARM)
+
+    def apart(self) -> IsFree:
+        """`apart(q)`: as `Planner.apart` for joints (n,) or rows (K,n) of this arm, the other one at its expected joints."""
+        both, other = self.planner.apart(self.scene), self._other
+        return (lambda q: both(q, other)) if self.side == "left" else (lambda q: both(other, q))
+
+    def timed(
+        self, waypoints: Floats, *, minimum: float = 0.0, speed_scale: float = 1.0, deviation: float = LIMITS.deviations[0]
+    ) -> ArmTrajectory:
         """A motion through waypoints (K,n), at rest at both ends, the gripper as it is.
 
         It takes at least `minimum` s; `speed_scale` multiplies the planned joint speeds, up to the share of the robot's own that is
-        used. Raises PlanFailure("time_parameterisation").
+        used; corners are rounded by `deviation`. Raises PlanFailure("time_parameterisation").
         """
         limits = self.planner.limits[self.side]
         speed = np.minimum(limits.speed * speed_scale, limits.fastest)
-        t = time_parameterise(waypoints, speed, limits.acceleration, minimum_duration=minimum)
+        t = time_parameterise(waypoints, speed, limits.acceleration, minimum_duration=minimum, deviation=deviation)
         rows = slice(1, None) if len(t.q) > 1 else slice(None)  # the first row is where the arm already is
         return ArmTrajectory(t.q[rows], t.qd[rows], np.full(len(t.q[rows]), self.gripper))
 
     def free_trajectory(self, goal: Floats, free: IsFree, *, speed_scale: float = 1.0) -> ArmTrajectory:
-        """A motion from the command to joints `goal` (n,) on which `free` holds. Raises PlanFailure("path_blocked")."""
-        path = connect(free, self.q, goal, self.rng, (self.chain.lower, self.chain.upper))
-        if path is None:
+        """A motion from the command to joints `goal` (n,) on which `free` holds, no detour, within the camera's view if possible.
+
+        Raises PlanFailure: path_blocked, path_detour.
+        """
+        path = self._course(goal, free)
+        for deviation in LIMITS.deviations:
+            motion = self.timed(path, speed_scale=speed_scale, deviation=deviation)
+            if len(path) == 2 or free(motion.q[:: LIMITS.checked_every]):
+                return motion
+        raise PlanFailure("path_blocked", f"the {self.side} arm touches something in a rounded corner")
+
+    def _course(self, goal: Floats, free: IsFree) -> Floats:
+        """Waypoints (K,n) from the command to joints `goal` (n,): of some searches the shortest way of the tcp in view."""
+        held = next((c for c in self.scene.carried.values() if c.side == self.side), None)
+        best, least, shortest = None, np.inf, np.inf
+        for _ in range(DETOURS.searches):
+            path = connect(free, self.q, goal, self.rng, (self.chain.lower, self.chain.upper))
+            if path is None:
+                break
+            way = tool_way(self.chain, path)
+            length, unseen = length_of(way), 0.0 if held is None else unseen_length(way, held, self.scene.sees)
+            shortest, fits = min(shortest, length), length <= longest(way)
+            if fits and length + DETOURS.unseen * unseen < least:
+                best, least = path, length + DETOURS.unseen * unseen
+            if len(path) == 2 or (fits and not unseen):
+                break
+        if best is None and shortest < np.inf:
+            raise PlanFailure("path_detour", f"the {self.side} hand would travel {shortest:.2f} m")
+        if best is None:
             raise PlanFailure("path_blocked", f"the {self.side} arm finds no path")
-        return self.timed(path, speed_scale=speed_scale)
+        return best
 
     def line_trajectory(
         self, goal: Pose, *, metres_per_second: float = LIMITS.line_speed, speed_scale: float = 1.0

@@ -1,6 +1,6 @@
 """What the planner is told about the world at one moment."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -8,8 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.names import SIDES
 from pipeline.poses import Pose
 from pipeline.world.shapes import Collider
+
+Sees = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+"""Which world points (N,3) are in an image."""
+
+
+def everywhere(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """All points (N,3) are in the image."""
+    return np.ones(len(points), bool)
 
 
 class Obstacle(NamedTuple):
@@ -42,15 +51,25 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class PlanningScene:
-    """Both arms by side, the bodies that stand still and those that are carried, by name. Read-only; poses are snapshots."""
+    """Both arms by side, the bodies that stand still and those that are carried, by name. Read-only; poses are snapshots.
+
+    `sees` tells which world points (N,3) the head camera has in its image.
+    """
 
     arms: Mapping[str, ArmState]
     obstacles: Mapping[str, Obstacle]
     carried: Mapping[str, Carried]
+    sees: Sees = everywhere
 
     def __post_init__(self) -> None:
         for name in ("arms", "obstacles", "carried"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def jaws(self) -> tuple[float, float]:
+        """Gripper values, left and right; 1 for an arm that the robot does not have."""
+        left, right = (self.arms[side].gripper if side in self.arms else 1.0 for side in SIDES)
+        return left, right
 
     def holding(self, name: str, carried: Carried) -> "PlanningScene":
         """The scene in which body `name` is carried, and no longer an obstacle or in another hand."""

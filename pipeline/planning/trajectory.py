@@ -61,11 +61,13 @@ def time_parameterise(
     rate: int = PHYSICS_HZ,
     *,
     minimum_duration: float = 0.0,
+    deviation: float = LIMITS.deviations[0],
 ) -> Trajectory:
     """Timed rows through `waypoints` (K,n) within velocity (n,) rad/s and acceleration (n,) rad/s2, at rest at both ends.
 
     Time is stretched to a whole number of rows and to at least `minimum_duration` s. Without motion the result is one row, or
-    rows that stand still for `minimum_duration`. Raises PlanFailure("time_parameterisation") when no timing is found.
+    rows that stand still for `minimum_duration`. Corners are rounded by at most `deviation` (rad or m). Raises
+    PlanFailure("time_parameterisation") when no timing is found.
     """
     corners = np.atleast_2d(np.asarray(waypoints, float))
     v, a = np.asarray(velocity, float), np.asarray(acceleration, float)
@@ -76,7 +78,7 @@ def time_parameterise(
         return _still(corners[0], minimum_duration, rate)
     if len(corners) == 2:
         return _trapezoid(corners[0], corners[1], v, a, rate, minimum_duration)
-    return _along(corners, v, a, rate, minimum_duration)
+    return _along(RoundedPolyline(corners, deviation), corners, (v, a), rate, minimum_duration)
 
 
 def smoothed(rows: Floats, before: Floats) -> Floats:
@@ -147,9 +149,8 @@ class RoundedPolyline:
         return np.concatenate([self.knots[:1], *pieces])
 
 
-def _along(corners: Floats, v: Floats, a: Floats, rate: int, minimum: float) -> Trajectory:
-    path = RoundedPolyline(corners, LIMITS.deviation)
-    s = path.grid()
+def _along(path: RoundedPolyline, corners: Floats, limits: tuple[Floats, Floats], rate: int, minimum: float) -> Trajectory:
+    s, (v, a) = path.grid(), limits
     x = fastest(s, path(s, 1), path(0.5 * (s[:-1] + s[1:]), 2), v, a)
     speeds, accelerations = np.sqrt(x), np.diff(x) / (2 * np.diff(s))
     if not (speeds[1:-1] > 0).all():

@@ -18,7 +18,7 @@ from pipeline.run.slot.fill import SlotJob
 
 
 class Watch:
-    """Sees every slot that ends: counts it, shows it, and says which jobs may start then."""
+    """Sees every slot that ends: counts it, shows it, and returns the jobs that may start then."""
 
     def __init__(self, progress: Progress, metrics: Metrics, early_stop: EarlyStop) -> None:
         self.progress, self._metrics, self.early_stop = progress, metrics, early_stop

@@ -1,4 +1,4 @@
-"""Who shows a task: does the third stage of an attempt, once a motion of the target is found that fits the dry run."""
+"""A demonstrator shows a task: it does the third stage of an attempt, once a motion of the target is found that fits the dry run."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ class Demonstrator(Protocol):
     """Does the third stage of an attempt."""
 
     def describe(self) -> dict[str, Any]:
-        """What an episode says of it: `expert` and `corrects` of EpisodeMeta."""
+        """The names that an episode has of it: `expert` and `corrects` of EpisodeMeta."""
         ...
 
     def check(self) -> None:

@@ -19,6 +19,8 @@ HINTS = {
     "clutter_touched": "a distractor stands in the way: the next seed draws others",
     "arms_collide": "keep the arms apart: one after the other instead of `together`, or regions farther from x = 0",
     "path_blocked": _ROOM,
+    "path_detour": "the hand has no short way there: offer goals nearer to where it comes from, or leave more room between",
+    "excess_force": "give what the detail names more room, or offer other grasps of what is carried",
     "line_unreachable": "the straight motion leaves the arm's reach: make it shorter, or begin it nearer to the arm",
     "pose_unreachable": _REACH,
     "handover_blocked": "no place is found where both arms can hold it: offer more places, or the receiver other grasps",

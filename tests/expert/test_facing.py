@@ -49,7 +49,7 @@ def test_a_lift_ends_below_what_is_in_the_way() -> None:
     before = actor.tcp("left")[2]
     # the other hand is expected above, level and facing this arm
     x, y, z = actor.tcp("left")[:3]
-    above = pose((x, y, z + 0.16), quat_about((0, 0, 1), np.pi))
+    above = pose((x, y, z + 0.26), quat_about((0, 0, 1), np.pi))
     q, ok = actor.arm_planner("right").solve(above[None])
     assert ok[0]
     actor.expected["right"] = q[0]

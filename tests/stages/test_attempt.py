@@ -68,7 +68,7 @@ def test_an_avoided_approach_is_not_taken_again():
     assert np.arccos(first.approach @ second.approach) > 0.7
 
 
-CROSSING = EpisodeSpec("beat_block_hammer", "aloha-agilex", 1, 0.1, "clean", 1, 4, 8409852660330008463)
+CROSSING = EpisodeSpec("beat_block_hammer", "aloha-agilex", 1, 0.1, "clean", 1, 1, 8409852660330008463)
 """A block that has to come across the place of the hammer which is to strike it."""
 
 

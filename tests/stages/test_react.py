@@ -71,7 +71,8 @@ def test_no_command_of_a_reactive_episode_exceeds_a_limit():
 
 
 def test_a_hand_that_is_off_its_path_stops_gently(scene, monkeypatch):
-    """The target slows down: the hand is thrown off its path, and does not go nearer until it is back on it."""
+    """The target turns back: the hand is thrown off its path, and does not go nearer until it is
+    back on it."""
     paces, act = list[float](), ReactiveExpert.act
 
     def watched(self, track, time, *, touched=False):
@@ -81,7 +82,7 @@ def test_a_hand_that_is_off_its_path_stops_gently(scene, monkeypatch):
         return iter(commands)
 
     monkeypatch.setattr(ReactiveExpert, "act", watched)
-    react(scene, turning(scene, (0.0, 0.02)), EXACT, 15)
+    react(scene, turning(scene, (0.0, -0.06)), EXACT, 15)
     assert min(paces) == 0.0 and paces[-2] == 1.0
     # 0.5: the greatest change in a control period
     assert np.abs(np.diff([1.0, *paces[:-1]])).max() == pytest.approx(0.5)

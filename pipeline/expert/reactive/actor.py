@@ -219,12 +219,13 @@ class ReactiveActor(Actor):
         return plan if met else None
 
     def _checker(self) -> IsFree:
-        """A test whether a command (A,) is free: the arms touch neither each other, nor the table, nor bodies as they stand now.
+        """A test whether a command (A,) is free: the arms keep apart and touch neither the table nor bodies as they stand now.
 
-        Fingers may touch the table; the target and held bodies do not count."""
-        others = {n: o for n, o in self.planning_scene().obstacles.items() if n != self.simulation.target}
-        fingers = [(f"{side}_fingers", "table") for side in self.planner.embodiment.sides]
-        scene = self.planner.world.with_objects(others, ignore=fingers, margin=MARGINS.contact)
+        The target does not count, nor what held bodies touch but the other arm."""
+        now = self.planning_scene()
+        others = {n: o for n, o in now.obstacles.items() if n != self.simulation.target}
+        held = [(name, other) for name in now.carried for other in (*others, "table", "furniture")]
+        scene = self.planner.world.with_objects(others, now.carried, ignore=held, margin=MARGINS.contact)
 
         def free(command: ArrayLike) -> bool:
             now = self.planner.split(np.asarray(command))

@@ -12,6 +12,7 @@ from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, MotionStep, Skill
 from pipeline.planning.planner import Planner
 from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.world.physics.forces import Overload
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import Simulation
 
@@ -88,6 +89,9 @@ class _Still:
 
     def poses(self) -> Floats:
         return np.empty((0, 7))
+
+    def overloads(self) -> list[Overload]:
+        return []
 
 
 @dataclass

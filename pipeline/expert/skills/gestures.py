@@ -101,7 +101,7 @@ def turn(side: str, axis: ArrayLike, angle: float, *, rise: float = 0.0, speed: 
         arm, start = a.arm_planner(side), a.tcp(side)
         goal = np.concatenate([start[:3] + np.array([0, 0, rise]), quat_multiply(start[3:], quat_about(axis, angle))])
         path = arm.line(arm.q, goal)
-        if path is None:
+        if path is None or not arm.apart()(path):
             raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far", arm, goal[None])
         yield {side: arm.timed(path, speed_scale=speed)}
 

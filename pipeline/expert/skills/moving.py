@@ -67,9 +67,8 @@ def lift(side: str, height: float, *, least: float = MOVE.least_lift, speed: flo
     """Move the tcp straight up without turning it, by less (the share `least` at least) where the arm cannot go higher."""
 
     def act(a: Actor) -> Iterator[MotionStep]:
-        arm = a.arm_planner(side)
-        line, share = next(_lifts(arm, a.tcp(side), height, least))
-        yield {side: arm.timed(line, minimum=abs(height) * share / speed)}
+        line, share = next(_lifts(a.arm_planner(side), a.tcp(side), height, least))
+        yield {side: a.arm_planner(side).timed(line, minimum=abs(height) * share / speed)}
 
     return act
 
@@ -89,14 +88,15 @@ def lift_clear(side: str, height: float, *, speed: float = SPEEDS.lift) -> Skill
 
 
 def _lifts(arm: ArmPlanner, start: Pose, height: float, least: float = 0.0) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """Straight ways up from the tcp pose `start`: joints (K,n) and the share of the height, highest first.
+    """Straight ways up from the tcp pose `start` on which the arms keep apart: joints (K,n) and the share of the height, highest
+    first.
 
     Raises PlanFailure("line_unreachable") if there is none.
     """
-    found = False
+    found, apart = False, arm.apart()
     for share in (s for s in MOVE.lift_shares if s >= least):
         line = arm.line(arm.q, lifted(start, height * share))
-        if line is not None:
+        if line is not None and apart(line):
             found = True
             yield line, share
     if not found:
@@ -109,10 +109,11 @@ def shift(side: str, by: ArrayLike, *, speed: float = SPEEDS.shift) -> Skill:
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
+        apart = arm.apart()
         offset = np.concatenate([np.asarray(by, float), np.zeros(4)])
         for share in MOVE.shift_shares:
             path = arm.line(arm.q, start + share * offset)
-            if path is not None:
+            if path is not None and apart(path):
                 yield {side: arm.timed(path, minimum=share * float(np.linalg.norm(offset)) / speed)}
                 return
         wanted = (start + offset)[None]
@@ -127,10 +128,11 @@ def retreat(side: str, distance: float, *, speed: float = SPEEDS.retreat) -> Ski
 
     def act(a: Actor) -> Iterator[MotionStep]:
         arm, start = a.arm_planner(side), a.tcp(side)
+        apart = arm.apart()
         back = [backed_off(start, distance * share) for share in MOVE.retreat_shares]
         for goal in (*back, *(lifted(start, share * distance) for share in MOVE.rise_shares)):
             path = arm.line(arm.q, goal)
-            if path is not None:
+            if path is not None and apart(path):
                 yield {side: arm.timed(path, minimum=float(np.linalg.norm(goal[:3] - start[:3])) / speed)}
                 return
         raise PlanFailure("line_unreachable", f"the {side} arm cannot draw back by {distance} m", arm, back[0][None])
@@ -150,7 +152,8 @@ def home(side: str) -> Skill:
                 yield {side: arm.free_trajectory(arm.home, free)}
                 return
         lines = (arm.line(arm.q, goal) for goal in (*_steps_off(a.tcp(side)), *_rises(a.tcp(side))))
-        for off in (line for line in lines if line is not None and free(line[-1])):
+        apart = arm.apart()
+        for off in (line for line in lines if line is not None and free(line[-1]) and apart(line)):
             there = arm.within(arm.scene.commanding(side, off[-1]))
             with suppress(PlanFailure):
                 back = there.free_trajectory(arm.home, free)

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from pipeline.data.names import SIDES
 from pipeline.expert.actor import Actor, MotionStep, Skill
 from pipeline.planning.failure import PlanFailure
-from pipeline.planning.planner import NO_ARM
+from pipeline.planning.planner import NO_ARM, Apart
 from pipeline.planning.trajectory import ArmTrajectory
 
-CHECKED_EVERY = 12
-"""Physics steps between two states at which the arms are checked against each other (0.05 s)."""
+CHECKED_EVERY = 4
+"""Physics steps between two states at which the arms are checked against each other (17 ms)."""
 
 
 def together(*skills: Skill) -> Skill:
@@ -41,14 +41,16 @@ def together(*skills: Skill) -> Skill:
 
 
 def _in_turns(a: Actor, step: MotionStep) -> Iterator[MotionStep]:
+    apart = a.planner.apart(a.planning_scene())
     longest = max(len(trajectory.q) for trajectory in step.values())
     at_once = {side: _stretched(trajectory, longest, a.q(side), a.gripper(side)) for side, trajectory in step.items()}
-    if _arms_apart(a, at_once):
+    if _arms_apart(a, apart, at_once):
         yield at_once
         return
     sides = list(step)
     for order in (sides, sides[::-1]):
-        if all(_arms_apart(a, {side: step[side]} | {s: _end_of(step[s]) for s in order[:i]}) for i, side in enumerate(order)):
+        turns = ({side: step[side]} | {s: _end_of(step[s]) for s in order[:i]} for i, side in enumerate(order))
+        if all(_arms_apart(a, apart, turn) for turn in turns):
             for side in order:
                 yield {side: step[side]}
             return
@@ -80,10 +82,10 @@ def _stretched(t: ArmTrajectory, rows: int, q0: NDArray[np.float64], value: floa
     return ArmTrajectory(np.stack(joints, 1), np.stack(speeds, 1), np.interp(at, old, np.concatenate([[value], t.gripper])))
 
 
-def _arms_apart(a: Actor, step: MotionStep) -> bool:
+def _arms_apart(a: Actor, apart: Apart, step: MotionStep) -> bool:
     """Whether the arms keep clear of each other along a motion step; an arm without a trajectory stands at its command."""
     q = {side: step[side].q if side in step else a.q(side)[None] for side in a.planner.embodiment.sides}
     last = max(map(len, q.values())) - 1
     rows = np.append(np.arange(0, last + 1, CHECKED_EVERY), last)
     left, right = (q[side][np.minimum(rows, len(q[side]) - 1)] if side in q else NO_ARM for side in SIDES)
-    return a.planner.arms_apart(left, right)
+    return apart(left, right)

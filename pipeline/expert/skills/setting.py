@@ -10,10 +10,10 @@ from pipeline.expert.actor import Actor, MotionStep, Skill, skill
 from pipeline.expert.budgets import PLACE, PRESS, SPEEDS, TIMING
 from pipeline.expert.grasping import backed_off, hand_poses, lifted
 from pipeline.expert.hand_geometry import fingertip_reach
+from pipeline.expert.lines import between, ending_clear, first_touch
 from pipeline.expert.skills.hand import wider
 from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
-from pipeline.planning.path import IsFree
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Pose, compose, frame, inverse, pose, yawed
 
@@ -91,25 +91,48 @@ def place(
         approaches = _approaches(arm, hands, back, above, press)
         free = arm.checker()
         touching = [(name, other) for other in (*arm.scene.obstacles, *arm.scene.carried, "table") if other != name]
-        clear = arm.checker(touching, margin=MARGINS.contact)
+        clear, roomy = arm.checker(touching, margin=MARGINS.contact), arm.checker(touching)
+        fingers = [(f"{side}_fingers", other) for other in (*arm.scene.obstacles, *arm.scene.carried)]
+        palm, bare = arm.checker([*touching, *fingers], margin=MARGINS.contact), arm.bare()
+        table = bare.checker(), bare.checker(margin=MARGINS.contact)
         opened = 1.0 if opening is None else wider(a, side, opening)
         clear_opened = arm.checker(touching, jaws=opened, margin=MARGINS.contact)
 
         def penalty(approach: Approach) -> int:
-            """For an arm that touches something, opened jaws that would, and a hand that could not draw back at the end."""
+            """For an arm that touches something or nearly does, a body that touches something before it is nearly down, opened jaws
+            that would, and a hand that could not draw back at the end."""
             line = approach.line
+            down = between(line, 0.0, max(0.0, (approach.height - PLACE.settling) / (approach.height + press)))
             away = backed_off(arm.fk(line[-1]), PLACE.draw_back)
-            return PLACE.touch_penalty * (not clear(line)) + (not clear_opened(line)) + (arm.line(line[-1], away) is None)
+            touches = not clear(line)
+            return (
+                PLACE.touch_penalty * touches
+                + PLACE.near_penalty * ((touches or not roomy(line)) + (not free(down)))
+                + (not clear_opened(line))
+                + (arm.line(line[-1], away) is None)
+            )
 
-        for line, height in sorted(approaches[: PLACE.judged], key=penalty)[: PLACE.tries]:
-            if not free(line[0]):
+        def down_to_table(approach: Approach) -> NDArray[np.float64] | None:
+            """The line, up to where fingers come near to the table if it ends less than PLACE.drop m over the goal there."""
+            least = (approach.height - PLACE.drop) / (approach.height + press)
+            ends = (ending_clear(approach.line, clear_of_table, least) for clear_of_table in table)
+            return next((line for line in ends if line is not None), None)
+
+        some = (approaches[k : k + PLACE.judged] for k in range(0, len(approaches), PLACE.judged))
+        tries = PLACE.tries
+        for approach in (x for group in some for x in sorted(group, key=penalty)):
+            line = down_to_table(approach)
+            if line is None or not free(line[0]) or not palm(line):
                 continue
+            tries -= 1
             try:
                 trajectory = arm.free_trajectory(line[0], free)
             except PlanFailure:
+                if not tries:
+                    break
                 continue
             yield {side: trajectory}
-            yield {side: arm.timed(line, minimum=(height + press) / speed)}
+            yield {side: arm.timed(line, minimum=(approach.height + press) / speed)}
             return
         reason = "place_blocked" if approaches else "place_unreachable"
         raise PlanFailure(reason, f"the {side} arm cannot set {name} down there", arm, hands)
@@ -148,22 +171,22 @@ def press(
         order = np.argsort(np.where(ok, cost, np.inf), kind="stable")[: int(ok.sum())]
         part, whole = PRESS.clear_share
         apart = arm.checker(margin=MARGINS.contact)
-        clear = arm.checker([(side, pressed)], margin=MARGINS.contact)
+        clear = arm.checker([(f"{side}_fingers", pressed)], margin=MARGINS.contact)
         for i in order[: PRESS.tries]:
             line = arm.line(q[i], lifted(down[i], -depth))
             if line is None or not free(q[i]) or not free(line[: len(line) * part // whole]):
                 continue
-            length, touch = above + depth, _first_touch(apart, line)
+            length, touch = above + depth, first_touch(apart, line)
             near, end = max(0.0, touch - PRESS.gap / length), min(1.0, touch + PRESS.squeeze / length)
-            if not clear(_between(line, 0.0, end)):
+            if not clear(between(line, 0.0, end)):
                 continue
             try:
                 trajectory = arm.free_trajectory(q[i], free)
             except PlanFailure:
                 continue
             yield {side: trajectory}
-            descent = arm.timed(_between(line, 0.0, near), minimum=near * length / speed)
-            creeping = arm.timed(_between(line, near, end), minimum=(end - near) * length / SPEEDS.creep)
+            descent = arm.timed(between(line, 0.0, near), minimum=near * length / speed)
+            creeping = arm.timed(between(line, near, end), minimum=(end - near) * length / SPEEDS.creep)
             yield {side: descent.then(creeping).holding(TIMING.press)}
             return
         raise PlanFailure("press_blocked", f"the {side} arm finds no free path down to the spot", arm, down)
@@ -181,26 +204,3 @@ def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> NDArra
                 across = sign * np.array([-np.sin(azimuth), np.cos(azimuth), 0])
                 poses.append(frame(spot[:3] - tip * approach, approach, across))
     return np.array(poses)
-
-
-def _first_touch(apart: IsFree, line: NDArray[np.float64]) -> float:
-    """Share of joint rows (K,n), evenly spread over a way into contact, at which `apart` ceases to hold; 1 where it never does."""
-    if apart(line[-1]):
-        return 1.0
-    before, behind = 0.0, 1.0
-    for _ in range(PRESS.bisections):
-        middle = 0.5 * (before + behind)
-        before, behind = (middle, behind) if apart(_at(line, middle)) else (before, middle)
-    return before
-
-
-def _between(line: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:
-    """The part of joint rows (K,n), evenly spread, between two shares of the way."""
-    inner = np.arange(len(line)) / (len(line) - 1)
-    return np.vstack([_at(line, first), line[(inner > first) & (inner < last)], _at(line, last)])
-
-
-def _at(line: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    place = share * (len(line) - 1)
-    k = min(int(place), len(line) - 2)
-    return line[k] + (place - k) * (line[k + 1] - line[k])

@@ -20,6 +20,7 @@ from pipeline.poses import Pose, compose, inverse, quat_conjugate, quat_multiply
 from pipeline.world.physics.body import BORNE, TABLE_TOP, Body
 from pipeline.world.physics.contacts import Pair, points_on, pushes, touching_pairs
 from pipeline.world.physics.drive import AfterTouch, Drive, Hold
+from pipeline.world.physics.forces import ForceWatch, Overload
 from pipeline.world.physics.scene_building import add_arm, add_body, add_slide, add_table, physical, rigid_of, to_sapien
 from pipeline.world.physics.target_motion import Motion, Standing
 from pipeline.world.robots.contract import Embodiment
@@ -82,6 +83,7 @@ class Simulation:
         self.names = (*(b.name for b in self.bodies), *self._link_names, *(prop.name for prop in self._scenery), "table")
         solids = [*map(physical, self._entities.values()), *(x for side in self._arms for x in links[side])]
         self._index = {component: i for i, component in enumerate(solids)} | {table: len(self.names) - 1}
+        self._forces = ForceWatch(embodiment, {component: self.names[i] for component, i in self._index.items()})
         self._side_of: dict[Any, str] = {link: side for side in self._arms for link in links[side]}
         riders = {b.name for b in self.bodies if b.inside == target}
         touchers = (self._free - riders).union(self._link_names)
@@ -304,6 +306,11 @@ class Simulation:
         """Points (N,3) at which links of an arm push the target now, by side, in a fixed order; of `sides`, those that do."""
         side_of = {link: side for link, side in self._side_of.items() if side in sides}
         return points_on(self._moved, side_of, self._scene.get_contacts())
+
+    def overloads(self) -> list[Overload]:
+        """Contacts of the robot in the last step that are stronger than the contract of forces.py allows."""
+        rigid = self.target if self.steps == self.touched_at else ""
+        return self._forces.overloads(self._scene.get_contacts(), self.steps, rigid)
 
     def contacts(self) -> list[Pair]:
         """Touching pairs now, the floor left out, in the order of `names`."""

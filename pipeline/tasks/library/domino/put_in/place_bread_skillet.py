@@ -64,8 +64,8 @@ class PlaceBreadSkillet(Task):
         return np.stack(
             [
                 yawed((s * x, y, TABLE_TOP + z), s * turn)
-                for z in (0.08, 0.06)
-                for turn in (0.8, 1.2, 0.4, 0.0, -0.4)
+                for z in (0.08, 0.06, 0.12)
+                for turn in (0.8, 1.2, 1.6, 0.4, 2.0, 0.0, -0.4)
                 for x in (0.10, 0.06, 0.14, 0.0, -0.06)
                 for y in (0.0, -0.06, 0.06, 0.12)
             ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.grasping import lifted
-from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, shift
+from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, retreat, shift, together
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, inverse, pose, transform
 from pipeline.tasks.contract import INTERCEPTION, Draw, Limit, Placement, Region, Task, by_name, register, side_of
@@ -16,6 +16,12 @@ from pipeline.world.physics.body import Body
 
 PULL = 0.135
 """How far (m) the drawer is pulled open."""
+
+HELD = 0.03
+"""Height (m) over the floor of the drawer from which the object falls."""
+
+LONGEST = 0.105
+"""Length (m) of what fits into the open part of the drawer along it."""
 
 OBJECTS = ("mouse", "stapler", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards", "tea_box", "coffee_box", "soap")
 
@@ -66,19 +72,19 @@ class PutObjectCabinet(Task):
     def meet(self, a: Actor) -> Iterator[Skill]:
         arm = a.arms["arm"]
         base, yaws = a.frames("object")["base"], self._across(a)
-        opened = [lifted(p, 0.05) for spot in self._spots(a, PULL)[1:3] for p in resting_poses(base, spot, yaws[:6])]
+        opened = [lifted(p, HELD) for spot in self._spots(a, PULL)[1:3] for p in resting_poses(base, spot, yaws)]
         yield grasp(arm, "object", goals=[opened])
 
     def finish(self, a: Actor) -> Iterator[Skill]:
         arm, puller = a.arms["arm"], a.arms["drawer_arm"]
         yield lift(arm, 0.12)
         openings = [[a.pose("drawer") + np.array([0, -out, 0, 0, 0, 0, 0])] for out in (PULL, PULL + 0.07)]
-        yield grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3)
+        yield together(home(arm), grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3))
         yield shift(puller, (0.0, -PULL, 0.0), speed=0.08)
         yield open_(puller)
         yield retreat(puller, 0.07)
         yield home(puller)
-        yield place(arm, "base", self._spots(a, 0.0), yaws=self._across(a), above=0.10, press=-0.02, opening=0.02)
+        yield place(arm, "base", self._spots(a, 0.0), yaws=self._across(a), above=0.10, press=-HELD, opening=0.02)
         yield open_(arm, by=0.02)
         yield lift(arm, 0.10, least=0.2)
         yield open_(arm)
@@ -94,10 +100,16 @@ class PutObjectCabinet(Task):
         return np.stack([compose(a.pose("drawer"), pose((side * x, depth, 0.006))) for x in (0.03, 0.06, 0.0, 0.08)])
 
     def _across(self, a: Actor) -> tuple[float, ...]:
-        """Yaw angles in which the long side of the object lies across the drawer."""
+        """Yaw angles in which the long side of the object lies across the drawer, and along it if
+        it is short enough.
+
+        A wide hand that pinches the object across fits between the cabinet and the front of the
+        drawer one way only."""
         x, y, _ = np.ptp(a.bodies["object"].instance.shape().aabb(), axis=0)
         turn = 0.0 if x > y else np.pi / 2
-        return tuple(turn + half + off for off in (0.0, 0.25, -0.25, 0.5, -0.5) for half in (0.0, np.pi))
+        sides = (0.0, np.pi / 2) if max(x, y) < LONGEST else (0.0,)
+        offsets = (0.0, 0.25, -0.25, 0.5, -0.5)
+        return tuple(turn + side + off + half for off in offsets for side in sides for half in (0.0, np.pi))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
