@@ -1,4 +1,5 @@
-"""A demonstrator shows a task: it does the third stage of an attempt, once a motion of the target is found that fits the dry run."""
+"""A demonstrator does the third stage of an attempt, once a motion of the target is found that fits
+the dry run."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol

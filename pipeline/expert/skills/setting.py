@@ -99,8 +99,10 @@ def place(
         clear_opened = arm.checker(touching, jaws=opened, margin=MARGINS.contact)
 
         def penalty(approach: Approach) -> int:
-            """For an arm that touches something or nearly does, a body that touches something before it is nearly down, opened jaws
-            that would, and a hand that could not draw back at the end."""
+            """Count what is wrong: an arm that touches something or nearly does, a body that
+            touches something before it is nearly down.
+
+            Opened jaws that would touch count too, and a hand that could not draw back."""
             line = approach.line
             down = between(line, 0.0, max(0.0, (approach.height - PLACE.settling) / (approach.height + press)))
             away = backed_off(arm.fk(line[-1]), PLACE.draw_back)

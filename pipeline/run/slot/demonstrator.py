@@ -1,4 +1,4 @@
-"""Who shows the tasks of a recipe."""
+"""The demonstrator that a recipe resolves to."""
 
 from pipeline.data.recipe.model import Recipe
 from pipeline.stages.demonstrator import Demonstrator, expert_of
