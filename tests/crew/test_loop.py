@@ -37,7 +37,7 @@ def count_jobs() -> Callable[[int], tuple[int, int]]:
     return work
 
 
-def signal_itself(folder: Path, number: int, times: int) -> Callable[[], Callable[[int], int]]:
+def signal_itself(folder: Path, number: int, times: int) -> Callable[[], Callable[[int], Steps[int]]]:
     """Work in three steps that sends its process a signal in step 1 of job 3, so many times."""
 
     def make() -> Callable[[int], Steps[int]]:
