@@ -209,6 +209,7 @@ LIMIT = 'lower="-2.6" upper="2.6"'
 ROOT = '<link name="world"/><joint name="free" type="{}"><parent link="world"/><child link="base"/></joint>'
 TINY = Tiny().text()
 WITH: dict[str, Any] = {"pkg__meshes__cone_DOT_stl": cone}
+SPACED: dict[str, Any] = {"pkg__meshes__my cone_DOT_stl": cone}
 OTHER: dict[str, Any] = {"tool__meshes__cone_DOT_stl": cone}
 PART = Tiny(mesh="part.stl")
 PNG: dict[str, Any] = {"red_DOT_png": png(RED_LEFT)}
@@ -251,7 +252,7 @@ CASES = (
     Case("mesh by URL", shape("https://example.org/a.stl"), "is a URL"),
     Case(
         "percent signs",
-        shape("../meshes/my%20cone.stl", **{"pkg__meshes__my cone_DOT_stl": cone}),
+        shape("../meshes/my%20cone.stl", **SPACED),
         "percent signs; write '../meshes/my cone",
     ),
     Case("backslashes", shape("..\\meshes\\cone.stl", **WITH), "backslashes; write '../meshes/cone.stl'"),

@@ -1,5 +1,6 @@
 """Whether a task from outside the package declares what a build needs, found before anything is written."""
 
+from collections.abc import Callable
 from typing import Any, get_args
 
 from pipeline.data.episode.meta import Category
@@ -54,28 +55,24 @@ def check_task(task: Task) -> None:
 
 def _fault(task: Task) -> str | None:
     """What is wrong with the attributes of a task's class; the first word is the attribute's name."""
-
-    def unlike(name: str, kind: str) -> str:
-        return f"{name} is {show_value(getattr(task, name, None))}, which is not {kind}"
-
-    if getattr(task, "category", None) not in CATEGORIES:
-        return unlike("category", f"one of {', '.join(CATEGORIES)}")
-    if not isinstance(getattr(task, "target", None), str) or not task.target:
-        return unlike("target", "the name of a body")
-    if type(task.step_limit) is not int or not 1 <= task.step_limit <= MOST_STEPS:
-        return unlike("step_limit", f"a whole number from 1 to {MOST_STEPS}")
-    if not isinstance(task.motion, str) or task.motion not in MODELS:
-        return unlike("motion", f"one of {', '.join(MODELS)}")
     taken = {ALL, *TASKS, *(each.suite for each in TASKS.values() if not is_outside(type(each)))}
-    if not isinstance(task.suite, str) or task.suite in taken:
-        return unlike("suite", "a name of its own")
-    if not isinstance(task.workspace, Workspace):
-        return unlike("workspace", "a Workspace")
-    for name in ("seen", "unseen"):
-        if isinstance(getattr(task, name), str):
-            return unlike(name, "a tuple of sentences")
-    for name, kind in (("limits", "limits"), ("sizes", "sizes")):
-        values: Any = getattr(task, name)
-        if not hasattr(values, "items") or not all(isinstance(value, Limit) for value in values.values()):
-            return unlike(name, f"{kind} by name: write them with `by_name`")
+    rules: dict[str, tuple[Callable[[Any], bool], str]] = {
+        "category": (CATEGORIES.__contains__, f"one of {', '.join(CATEGORIES)}"),
+        "target": (lambda value: isinstance(value, str) and value != "", "the name of a body"),
+        "step_limit": (lambda value: type(value) is int and 1 <= value <= MOST_STEPS, f"a whole number from 1 to {MOST_STEPS}"),
+        "motion": (lambda value: isinstance(value, str) and value in MODELS, f"one of {', '.join(MODELS)}"),
+        "suite": (lambda value: isinstance(value, str) and value not in taken, "a name of its own"),
+        "workspace": (lambda value: isinstance(value, Workspace), "a Workspace"),
+        "seen": (lambda value: not isinstance(value, str), "a tuple of sentences"),
+        "unseen": (lambda value: not isinstance(value, str), "a tuple of sentences"),
+        "limits": (_is_by_name, "limits by name: write them with `by_name`"),
+        "sizes": (_is_by_name, "sizes by name: write them with `by_name`"),
+    }
+    for name, (holds, kind) in rules.items():
+        if not holds(value := getattr(task, name, None)):
+            return f"{name} is {show_value(value)}, which is not {kind}"
     return None
+
+
+def _is_by_name(values: Any) -> bool:
+    return hasattr(values, "items") and all(isinstance(value, Limit) for value in values.values())

@@ -74,7 +74,7 @@ def instances(directory: Path) -> Iterator[Instance]:
     """The instances of a directory."""
     for data in directory.glob("model_data*.json"):
         match = re.fullmatch(r"model_data([0-9]*)\.json", data.name)
-        if match is None:
+        if match is None or not data.is_file():
             continue
         number = match[1]
         names = [f"visual/base{number}.glb", f"base{number}.glb", f"textured{number}.obj"]

@@ -1,4 +1,4 @@
-"""The tables of the documents that are generated from the code: `python -m pipeline.intake.reference docs/*.md` updates them.
+"""The tables of the documents that are generated from the code: `python -m scripts.reference docs/*.md` updates them.
 
 A page marks where a table goes by a line `<!-- generated: NAME -->`; it ends at the line `<!-- end -->`.
 """
