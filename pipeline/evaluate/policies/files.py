@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 
+from pipeline.data.reading import open_regular
 from pipeline.evaluate.policies.policy import PolicyError, foreign
 
 CODE = (".py", ".yml", ".yaml", ".json")
@@ -17,7 +18,7 @@ def digest_of(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for path in files:
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 digest.update(hashlib.file_digest(file, "sha256").digest())
         except OSError as error:
             raise PolicyError(f"--policy {path}: cannot be read ({error.strerror})") from error
