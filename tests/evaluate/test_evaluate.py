@@ -26,9 +26,12 @@ def episode(policy, level, clock="sim", task="click_bell"):
     return run_episode(EpisodeJob(case_of(task, level), policy_name(policy), parse_clock(clock)))
 
 
-@pytest.mark.parametrize(("contact", "solved"), [(None, True), ("hold", False)])
-def test_a_tap_is_worth_an_episode_unless_the_target_must_be_held(contact, solved):
-    case = case_of("shake_bottle", 1, setup=Setup(contact=contact))
+@pytest.mark.parametrize(
+    ("contact", "solved", "task"),
+    [(None, True, "shake_bottle"), ("hold", False, "shake_bottle_horizontally")],
+)
+def test_a_tap_is_worth_an_episode_unless_the_target_must_be_held(contact, solved, task):
+    case = case_of(task, 1, setup=Setup(contact=contact))
     row = run_episode(EpisodeJob(case, policy_name("tapper"), parse_clock("sim"), setup=Setup(contact=contact, cameras=())))
     assert row["meeting"] and row["success"] is solved
     if contact:
